@@ -1,0 +1,7 @@
+//! One file a verb.
+
+pub(crate) mod dataset;
+pub(crate) mod demo;
+pub(crate) mod evaluate;
+pub(crate) mod fit;
+pub(crate) mod zoo;

@@ -1,0 +1,25 @@
+//! `partpose zoo`: makes and inspects annotated models.
+
+mod carve;
+mod list;
+mod show;
+
+use crate::report::Outcome;
+
+#[derive(clap::Subcommand)]
+pub(crate) enum Command {
+    /// List the models of a zoo
+    List(list::Arguments),
+    /// Draw a turntable of a model
+    Show(show::Arguments),
+    /// Build annotated models from part masks with known poses
+    Carve(carve::Arguments),
+}
+
+pub(crate) fn run(command: &Command) -> anyhow::Result<Outcome> {
+    match command {
+        Command::List(arguments) => list::run(arguments),
+        Command::Show(arguments) => show::run(arguments),
+        Command::Carve(arguments) => carve::run(arguments),
+    }
+}

@@ -1,0 +1,44 @@
+//! The `partpose` command line: parses what was typed, calls the library, reports.
+
+mod commands;
+mod report;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Six-degree-of-freedom vehicle poses from part masks.
+#[derive(Parser)]
+#[command(version, max_term_width = 100)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run the main job on what the repository ships
+    Demo(commands::demo::Arguments),
+    /// Make and inspect annotated vehicle models
+    #[command(subcommand)]
+    Zoo(commands::zoo::Command),
+    /// Inspect data sets
+    #[command(subcommand)]
+    Dataset(commands::dataset::Command),
+    /// Turn anybody's detections into poses
+    Fit(commands::fit::Arguments),
+    /// Score poses and solvers against ground truth
+    #[command(subcommand)]
+    Evaluate(commands::evaluate::Command),
+}
+
+fn main() -> ExitCode {
+    let outcome = match Arguments::parse().command {
+        Command::Demo(arguments) => commands::demo::run(&arguments),
+        Command::Zoo(command) => commands::zoo::run(&command),
+        Command::Dataset(command) => commands::dataset::run(&command),
+        Command::Fit(arguments) => commands::fit::run(&arguments),
+        Command::Evaluate(command) => commands::evaluate::run(&command),
+    };
+    report::exit_code(outcome)
+}
