@@ -36,7 +36,9 @@ impl Polygon {
 /// What lies in front of the near plane and within the guard band; fewer than three corners if nothing does.
 pub(super) fn clip(triangle: [Vector3<f64>; 3]) -> Polygon {
     let mut polygon = Polygon { corners: [Vector3::zeros(); MAX_CORNERS], count: 0 };
-    triangle.into_iter().for_each(|corner| polygon.push(corner));
+    for corner in triangle {
+        polygon.push(corner);
+    }
     // The near plane first: the others are half-spaces of the screen only where z > 0.
     let polygon = clip_plane(&polygon, |p| p.z - NEAR);
     let polygon = clip_plane(&polygon, |p| GUARD * p.z - p.x);

@@ -80,11 +80,12 @@ impl Projection {
         let (x, y) = (p.x * inverse, p.y * inverse);
         let in_front = p.z >= NEAR;
         let on_grid = x.abs() <= GUARD && y.abs() <= GUARD;
-        let mut code = u32::from(x < 0.0) * LEFT
-            | u32::from(x > self.last[0]) * RIGHT
-            | u32::from(y < 0.0) * ABOVE
-            | u32::from(y > self.last[1]) * BELOW
-            | u32::from(!on_grid) * FAR_OUT;
+        let bit = |set: bool, bit: u32| u32::from(set) * bit;
+        let mut code = bit(x < 0.0, LEFT)
+            | bit(x > self.last[0], RIGHT)
+            | bit(y < 0.0, ABOVE)
+            | bit(y > self.last[1], BELOW)
+            | bit(!on_grid, FAR_OUT);
         if !in_front {
             code = BEHIND;
         }
