@@ -85,7 +85,8 @@ fn share(text: &str) -> Result<f64, String> {
 impl PoseFlags {
     /// The options that the flags ask for.
     pub(crate) fn options(&self) -> PoseOptions {
-        let filter = |flag| self.filters.contains(&flag) && !self.filters.contains(&FilterFlag::None);
+        let filter =
+            |flag| self.filters.contains(&flag) && !self.filters.contains(&FilterFlag::None);
         PoseOptions {
             scaling: match self.scaling {
                 ScalingFlag::Nearest => Scaling::Nearest,

@@ -7,7 +7,8 @@ mod tables;
 
 pub use poses::{PoseDeviation, PoseScores, Scored, pose_deviation, summarize};
 pub use run::{
-    Configuration, EvaluationOptions, FrameOutcome, Progress, TruthExtent, VehicleOutcome, calibrate, evaluate_frames,
+    Configuration, EvaluationOptions, FrameOutcome, Progress, TruthExtent, VehicleOutcome,
+    calibrate, evaluate_frames,
 };
 pub use table::Table;
 pub use tables::{Stratum, breakdown, paper_configurations, paper_tables, score_table};

@@ -143,7 +143,9 @@ mod tests {
         assert_eq!((scores.count, scores.unfittable), (4, 0.5));
         assert!((scores.mean_iou3d - 0.5).abs() < 1e-9);
         assert!((scores.mean_iou3d_all - 0.25).abs() < 1e-9);
-        assert!((scores.delta_t - 10.0).abs() < 1e-9 && (scores.model_precision - 0.5).abs() < 1e-9);
+        assert!(
+            (scores.delta_t - 10.0).abs() < 1e-9 && (scores.model_precision - 0.5).abs() < 1e-9
+        );
     }
 
     #[test]

@@ -144,8 +144,9 @@ fn evaluate_vehicle(
     };
     let scored = estimate.as_ref().ok().map(|estimate| deviation(frame, vehicle, estimate));
     let scaling = configuration.pose.scaling;
-    let pixel_accuracy =
-        detection.as_ref().map_or(0.0, |d| accuracy(oracle, vehicle, d, frame.camera.size, scaling));
+    let pixel_accuracy = detection
+        .as_ref()
+        .map_or(0.0, |d| accuracy(oracle, vehicle, d, frame.camera.size, scaling));
     VehicleOutcome { vehicle, detection, estimate, scored, pixel_accuracy }
 }
 

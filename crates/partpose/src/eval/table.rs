@@ -30,8 +30,7 @@ impl Table {
         };
         let widths: Vec<usize> = (0..self.columns.len()).map(width).collect();
         let line = |cells: &[String]| {
-            let padded =
-                cells.iter().zip(&widths).map(|(cell, width)| format!(" {cell:<width$} "));
+            let padded = cells.iter().zip(&widths).map(|(cell, width)| format!(" {cell:<width$} "));
             format!("|{}|\n", padded.collect::<Vec<_>>().join("|"))
         };
         let rule = widths.iter().map(|width| "-".repeat(width + 2)).collect::<Vec<_>>().join("|");

@@ -66,8 +66,21 @@ pub fn paper_tables(rows: &[(String, PoseScores)]) -> Vec<Table> {
 /// Scores as the paper prints them, a row a name: percent, metres, radians.
 pub fn score_table(title: &str, rows: &[(String, PoseScores)]) -> Table {
     let columns = [
-        "", "count", "unfittable %", "model %", "3D IoU %", "median IoU %", "ΔT m", "ΔR rad", "Δx", "Δy", "Δz",
-        "Δαx", "Δαy", "Δαz", "IoU of all %",
+        "",
+        "count",
+        "unfittable %",
+        "model %",
+        "3D IoU %",
+        "median IoU %",
+        "ΔT m",
+        "ΔR rad",
+        "Δx",
+        "Δy",
+        "Δz",
+        "Δαx",
+        "Δαy",
+        "Δαz",
+        "IoU of all %",
     ];
     let mut table = Table::new(title, &columns);
     for (name, s) in rows {
@@ -127,7 +140,10 @@ mod tests {
     fn paper_has_sixteen_rows_and_three_steps() {
         let rows = paper_configurations(&PoseOptions::default());
         assert_eq!(rows.len(), 19);
-        assert_eq!(rows.last().map(|row| (row.kernel, row.pose.filters)), Some((56, PartFilters::ALL)));
+        assert_eq!(
+            rows.last().map(|row| (row.kernel, row.pose.filters)),
+            Some((56, PartFilters::ALL))
+        );
         let scores: Vec<_> =
             rows.iter().map(|row| (row.name.clone(), PoseScores::default())).collect();
         let tables = paper_tables(&scores);

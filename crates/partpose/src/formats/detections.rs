@@ -109,7 +109,8 @@ pub fn read_detections(path: &Path) -> Result<DetectionFile, DetectionFileError>
         None | Some("center") => 0.0,
         Some("corner") => -0.5,
         Some(other) => {
-            let reason = format!("has metadata `pixel_origin` = `{other}`; `center` or `corner` is meant");
+            let reason =
+                format!("has metadata `pixel_origin` = `{other}`; `center` or `corner` is meant");
             return Err(reader.tensor_error("boxes", reason));
         }
     };
@@ -119,12 +120,15 @@ pub fn read_detections(path: &Path) -> Result<DetectionFile, DetectionFileError>
         let b: [f64; 4] = std::array::from_fn(|i| f64::from(boxes[4 * index + i]) + shift);
         let bounds = Rect::new(b[0], b[1], b[2], b[3]);
         let score = f64::from(scores[index]);
-        let wrong = |reason: String| DetectionFileError::Detection { path: path.to_owned(), index, reason };
+        let wrong =
+            |reason: String| DetectionFileError::Detection { path: path.to_owned(), index, reason };
         if !b.iter().all(|value| value.is_finite() && value.abs() < 1e6) {
             return Err(wrong(format!("has the box {b:?}")));
         }
         if bounds.width() <= 0.0 || bounds.height() <= 0.0 {
-            return Err(wrong(format!("has the box {b:?}, whose maximum is not above its minimum")));
+            return Err(wrong(format!(
+                "has the box {b:?}, whose maximum is not above its minimum"
+            )));
         }
         if !(0.0..=1.0).contains(&score) {
             return Err(wrong(format!("has the score {score}, which is not between 0 and 1")));
@@ -147,7 +151,9 @@ pub fn read_detections(path: &Path) -> Result<DetectionFile, DetectionFileError>
 pub fn write_detections(path: &Path, file: &DetectionFile) -> Result<(), DetectionFileError> {
     let count = file.detections.len();
     let m = file.detections.first().map_or(1, |(_, d)| d.probabilities.size());
-    let bytes = |values: &mut dyn Iterator<Item = f32>| values.flat_map(f32::to_le_bytes).collect::<Vec<u8>>();
+    let bytes = |values: &mut dyn Iterator<Item = f32>| {
+        values.flat_map(f32::to_le_bytes).collect::<Vec<u8>>()
+    };
     let all = || file.detections.iter().map(|(_, d)| d);
     if let Some(index) = all().position(|d| d.probabilities.size() != m) {
         let reason = format!("has a kernel of another size than the first, {m} x {m}");
@@ -219,7 +225,10 @@ impl Reader<'_> {
         Err(self.tensor_error(tensor, reason))
     }
 
-    fn optional(&self, name: &'static str) -> Result<Option<(Vec<usize>, Vec<f32>)>, DetectionFileError> {
+    fn optional(
+        &self,
+        name: &'static str,
+    ) -> Result<Option<(Vec<usize>, Vec<f32>)>, DetectionFileError> {
         if self.tensors.names().contains(&name) { self.numbers(name).map(Some) } else { Ok(None) }
     }
 

@@ -88,15 +88,16 @@ pub fn image_result(
     camera: &Camera,
     estimated: &[(Detection, Result<PoseEstimate, NoPose>)],
 ) -> ImageResult {
-    let vehicle = |(detection, outcome): &(Detection, Result<PoseEstimate, NoPose>)| VehicleResult {
-        bounds: {
-            let b = &detection.bounds;
-            [b.x_min, b.y_min, b.x_max, b.y_max]
-        },
-        score: detection.score,
-        pose: outcome.as_ref().ok().map(pose_result),
-        no_pose: outcome.as_ref().err().map(ToString::to_string),
-    };
+    let vehicle =
+        |(detection, outcome): &(Detection, Result<PoseEstimate, NoPose>)| VehicleResult {
+            bounds: {
+                let b = &detection.bounds;
+                [b.x_min, b.y_min, b.x_max, b.y_max]
+            },
+            score: detection.score,
+            pose: outcome.as_ref().ok().map(pose_result),
+            no_pose: outcome.as_ref().err().map(ToString::to_string),
+        };
     let vehicles = estimated.iter().map(vehicle).collect();
     ImageResult { image: image.to_owned(), camera: *camera, vehicles }
 }

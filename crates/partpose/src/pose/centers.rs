@@ -54,16 +54,8 @@ struct Sums {
 }
 
 impl Sums {
-    const EMPTY: Self = Self {
-        count: 0,
-        x: 0,
-        y: 0,
-        xx: 0,
-        xy: 0,
-        yy: 0,
-        low: [i32::MAX; 2],
-        high: [i32::MIN; 2],
-    };
+    const EMPTY: Self =
+        Self { count: 0, x: 0, y: 0, xx: 0, xy: 0, yy: 0, low: [i32::MAX; 2], high: [i32::MIN; 2] };
 
     /// Adds the pixels `start..end` of row `y`.
     fn add_run(&mut self, start: i32, end: i32, y: i32) {

@@ -5,7 +5,9 @@ use serde::{Deserialize, Serialize};
 use crate::detection::Detection;
 use crate::geometry::{Camera, Cuboid, Extent, Point2, Point3, Pose, Rect, Vector3, wrap_angle};
 use crate::parts::{PartClass, PartMap, Scaling};
-use crate::pnp::{self, Correspondence, Loss, PnpError, RansacOptions, RefineOptions, WeightedCorrespondence};
+use crate::pnp::{
+    self, Correspondence, Loss, PnpError, RansacOptions, RefineOptions, WeightedCorrespondence,
+};
 use crate::render::LabelRenderer;
 use crate::vehicle::{Mesh, ModelZoo};
 
@@ -86,7 +88,9 @@ impl ExtentSource {
         match self {
             Self::Model => Vector3::repeat(1.0),
             Self::Given(extent) => extent.ratio(model),
-            Self::GivenUniform(extent) => Vector3::repeat((extent.volume() / model.volume()).cbrt()),
+            Self::GivenUniform(extent) => {
+                Vector3::repeat((extent.volume() / model.volume()).cbrt())
+            }
         }
     }
 }
@@ -262,16 +266,18 @@ impl PoseEstimator {
         let model = &self.models[best];
         let scale = extent.scale(&model.extent);
         let size = model.extent.to_vector().component_mul(&scale);
-        let correspondences = fit.correspondences.iter().zip(&fit.inliers).map(|((part, c), inlier)| {
-            let projected = camera.project(&(fit.camera_from_vehicle * c.point_in_object));
-            PartCorrespondence {
-                part: *part,
-                point_in_image: c.point_in_image,
-                point_in_vehicle: c.point_in_object,
-                residual: projected.map_or(f64::INFINITY, |pixel| (pixel - c.point_in_image).norm()),
-                inlier: *inlier,
-            }
-        });
+        let correspondences =
+            fit.correspondences.iter().zip(&fit.inliers).map(|((part, c), inlier)| {
+                let projected = camera.project(&(fit.camera_from_vehicle * c.point_in_object));
+                PartCorrespondence {
+                    part: *part,
+                    point_in_image: c.point_in_image,
+                    point_in_vehicle: c.point_in_object,
+                    residual: projected
+                        .map_or(f64::INFINITY, |pixel| (pixel - c.point_in_image).norm()),
+                    inlier: *inlier,
+                }
+            });
         Ok(PoseEstimate {
             model: model.name.clone(),
             model_index: best,
@@ -326,7 +332,11 @@ impl PoseEstimator {
         }
         starts.sort_by(|a, b| a.0.total_cmp(&b.0));
         starts.truncate(VISIBLE_STARTS);
-        starts.into_iter().map(|(_, pose)| pose).chain(fixed.map(|fit| fit.camera_from_vehicle)).collect()
+        starts
+            .into_iter()
+            .map(|(_, pose)| pose)
+            .chain(fixed.map(|fit| fit.camera_from_vehicle))
+            .collect()
     }
 
     /// Draws the model at its pose, takes the centres that are seen, solves again, a few times over.
@@ -344,9 +354,14 @@ impl PoseEstimator {
         let mut best = Err(NoPose::TooFewCorrespondences { found: 0 });
         let mut camera_from_vehicle = start;
         for _ in 0..VISIBLE_ROUNDS {
-            let view =
-                View { camera: problem.camera, mesh: &model.mesh, scale: *scale, camera_from_vehicle };
-            let seen = visible::visible_parts(&view, &window, self.options.center_2d, known, renderer);
+            let view = View {
+                camera: problem.camera,
+                mesh: &model.mesh,
+                scale: *scale,
+                camera_from_vehicle,
+            };
+            let seen =
+                visible::visible_parts(&view, &window, self.options.center_2d, known, renderer);
             let points = seen.map(|_, part| part.point_in_vehicle);
             let fit = match self.solve(problem, &points) {
                 Ok(fit) => fit,
@@ -383,13 +398,13 @@ impl PoseEstimator {
             PnpMethod::Epnp => pnp::epnp(&correspondences, camera)?,
             PnpMethod::Sqpnp => {
                 let minima = pnp::sqpnp(&correspondences, camera)?;
-                minima.first().ok_or(PnpError::BehindCamera)?.camera_from_object
+                minima.first().ok_or(PnpError::BehindCamera)?.pose
             }
             PnpMethod::Ransac => {
                 let options = RansacOptions { seed: self.options.seed, ..Default::default() };
                 let solution = pnp::ransac(&correspondences, camera, &options)?;
                 inliers = solution.inliers;
-                solution.camera_from_object
+                solution.refinement.pose
             }
         };
         if self.options.refine {
@@ -435,12 +450,13 @@ fn refine(
         .zip(inliers)
         .filter(|(_, inlier)| **inlier)
         .map(|((class, correspondence), _)| {
-            let scatter = problem.parts.get(*class).map_or(nalgebra::Matrix2::identity(), |p| p.scatter);
+            let scatter =
+                problem.parts.get(*class).map_or(nalgebra::Matrix2::identity(), |p| p.scatter);
             let covariance =
                 nalgebra::Matrix2::identity() * PIXEL_VARIANCE + scatter * (SPREAD * SPREAD);
             WeightedCorrespondence { correspondence: *correspondence, covariance }
         })
         .collect();
     let options = RefineOptions { loss: Loss::Huber { scale: 2.0 }, ..Default::default() };
-    Ok(pnp::refine_weighted(&weighted, problem.camera, start, &options)?.camera_from_object)
+    Ok(pnp::refine_weighted(&weighted, problem.camera, start, &options)?.pose)
 }

@@ -114,13 +114,8 @@ struct Sums {
 }
 
 impl Sums {
-    const EMPTY: Self = Self {
-        count: 0.0,
-        pixel: [0.0; 2],
-        depth: 0.0,
-        low: [f64::MAX; 2],
-        high: [f64::MIN; 2],
-    };
+    const EMPTY: Self =
+        Self { count: 0.0, pixel: [0.0; 2], depth: 0.0, low: [f64::MAX; 2], high: [f64::MIN; 2] };
 
     fn add(&mut self, pixel: &Point2, depth: f64) {
         self.count += 1.0;
@@ -168,8 +163,12 @@ pub(super) fn viewpoint_table(model: &VehicleModel, kind: Center2d) -> Vec<Viewp
         let camera_from_vehicle = table_pose(azimuth, &model.extent());
         let cuboid = crate::geometry::Cuboid { camera_from_vehicle, extent: model.extent() };
         let window = cuboid.project(&camera)?;
-        let view =
-            View { camera: &camera, mesh: model.mesh(), scale: Vector3::repeat(1.0), camera_from_vehicle };
+        let view = View {
+            camera: &camera,
+            mesh: model.mesh(),
+            scale: Vector3::repeat(1.0),
+            camera_from_vehicle,
+        };
         let seen = visible_parts(&view, &window, kind, |_| true, &mut renderer);
         let total: f64 = seen.iter().map(|(_, part)| part.share).sum();
         let parts = seen.map(|_, part| (part.point_in_vehicle, part.share / total.max(1e-9)));
@@ -180,21 +179,15 @@ pub(super) fn viewpoint_table(model: &VehicleModel, kind: Center2d) -> Vec<Viewp
 
 /// A level vehicle seen from `azimuth`, with its middle on the viewing axis.
 fn table_pose(azimuth: f64, extent: &Extent) -> Pose {
-    let eye = Point3::new(
-        TABLE_DISTANCE * azimuth.sin(),
-        -TABLE_HEIGHT,
-        TABLE_DISTANCE * azimuth.cos(),
-    );
+    let eye =
+        Point3::new(TABLE_DISTANCE * azimuth.sin(), -TABLE_HEIGHT, TABLE_DISTANCE * azimuth.cos());
     let target = Point3::new(0.0, -0.5 * extent.height, 0.0);
     let forward = (target - eye).normalize();
     // y is down in the vehicle frame, so right is down x forward.
     let right = Vector3::y().cross(&forward).normalize();
     let down = forward.cross(&right);
-    let camera_from_vehicle = nalgebra::Matrix3::from_rows(&[
-        right.transpose(),
-        down.transpose(),
-        forward.transpose(),
-    ]);
+    let camera_from_vehicle =
+        nalgebra::Matrix3::from_rows(&[right.transpose(), down.transpose(), forward.transpose()]);
     let rotation = nalgebra::UnitQuaternion::from_rotation_matrix(
         &nalgebra::Rotation3::from_matrix_unchecked(camera_from_vehicle),
     );

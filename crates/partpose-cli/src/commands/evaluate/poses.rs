@@ -142,7 +142,8 @@ fn evaluate(arguments: &Arguments) -> anyhow::Result<Evaluated> {
             Some(fold) => Some((fold, Folds::of(&dataset, &sequences, fold.count)?)),
             None => None,
         };
-        let include = |frame: &Frame, vehicle: usize| match (&folds, frame.vehicles[vehicle].track) {
+        let include = |frame: &Frame, vehicle: usize| match (&folds, frame.vehicles[vehicle].track)
+        {
             (Some((fold, folds)), Some(track)) => folds.contains(*fold, &frame.sequence, track),
             (Some(_), None) => false,
             (None, _) => true,
@@ -314,7 +315,10 @@ fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Result<()> {
             .map(|row| (row.stratum, row.outcome.scored))
             .collect::<Vec<_>>(),
     );
-    let title = format!("By distance, occlusion and truncation: {}", evaluated.configurations[detailed].name);
+    let title = format!(
+        "By distance, occlusion and truncation: {}",
+        evaluated.configurations[detailed].name
+    );
     tables.push(score_table(&title, &by));
     let text = markdown(&tables);
     report::data(&text)?;
@@ -375,9 +379,24 @@ fn extent_name(extent: ExtentFlag) -> String {
 /// Every vehicle under the last configuration.
 fn vehicle_list(evaluated: &Evaluated) -> Table {
     let columns = [
-        "sequence", "frame", "track", "model", "depth", "occluded", "truncated", "pixel_accuracy",
-        "predicted_model", "reprojection_rmse", "iou3d", "delta_x", "delta_y", "delta_z", "delta_alpha_x",
-        "delta_alpha_y", "delta_alpha_z", "no_pose",
+        "sequence",
+        "frame",
+        "track",
+        "model",
+        "depth",
+        "occluded",
+        "truncated",
+        "pixel_accuracy",
+        "predicted_model",
+        "reprojection_rmse",
+        "iou3d",
+        "delta_x",
+        "delta_y",
+        "delta_z",
+        "delta_alpha_x",
+        "delta_alpha_y",
+        "delta_alpha_z",
+        "no_pose",
     ];
     let mut table = Table::new("vehicles", &columns);
     for row in evaluated.rows.last().into_iter().flatten() {
