@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use partpose::dataset::{Dataset, Fold, Folds, Frame, SequenceId};
+use partpose::dataset::folds::{Fold, Folds};
+use partpose::dataset::{Dataset, Frame, SequenceId};
 use partpose::eval::{
     Configuration, EvaluationOptions, PoseScores, Stratum, Table, TruthExtent, VehicleOutcome,
     breakdown, calibrate, evaluate_frames, paper_configurations, paper_tables, score_table,
