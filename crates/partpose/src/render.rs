@@ -1,7 +1,23 @@
 //! Part, instance and depth images of vehicle models.
+//!
+//! A z-buffer rasteriser for labels: no shading, no anti-aliasing, one sample at each pixel's centre. What a pixel
+//! shows does not depend on the number of threads: coverage is decided in integers, depth is evaluated at the pixel
+//! and never accumulated, and each pixel sees the triangles in the order of the instances and their faces.
+
+mod clip;
+mod project;
+mod raster;
+
+use rayon::prelude::*;
 
 use crate::geometry::{Camera, Pose, Vector3};
 use crate::vehicle::Mesh;
+
+use project::{Projection, ScreenVertex};
+use raster::Band;
+
+/// Nearest depth that is drawn, in metres; what is nearer is cut off.
+pub const NEAR: f64 = 0.05;
 
 /// One vehicle to draw.
 #[derive(Clone, Copy, Debug)]
@@ -29,8 +45,120 @@ pub struct LabelImage {
     pub depths: Vec<f32>,
 }
 
+/// How to draw; none of it changes the picture of closed meshes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RenderOptions {
+    /// Leaves out faces that are seen from behind. Faster, and the same picture where meshes are closed, oriented
+    /// outwards and not cut by the near plane.
+    pub cull_back_faces: bool,
+    /// Horizontal bands that are drawn in parallel; each goes through all faces, so more than a few do not pay.
+    pub bands: usize,
+}
+
+impl Default for RenderOptions {
+    fn default() -> Self {
+        Self { cull_back_faces: false, bands: 1 }
+    }
+}
+
 /// Draws the instances; of two equally deep surfaces the one drawn first stays.
 pub fn render_labels(camera: &Camera, instances: &[Instance]) -> LabelImage {
-    let _ = (camera, instances);
-    LabelImage::default()
+    let mut renderer = LabelRenderer::default();
+    renderer.render(camera, instances, &RenderOptions::default());
+    renderer.image
+}
+
+/// Buffers that are kept from one picture to the next, for thousands of small ones.
+#[derive(Clone, Debug, Default)]
+pub struct LabelRenderer {
+    image: LabelImage,
+    vertices: Vec<Vec<ScreenVertex>>,
+}
+
+impl LabelRenderer {
+    /// As [`render_labels`]; the picture stays in the renderer until the next call.
+    pub fn render(
+        &mut self,
+        camera: &Camera,
+        instances: &[Instance],
+        options: &RenderOptions,
+    ) -> &LabelImage {
+        self.clear(camera.size);
+        if !self.image.parts.is_empty() {
+            self.draw(camera, instances, options);
+        }
+        &self.image
+    }
+
+    /// The last picture, to keep.
+    pub fn into_image(self) -> LabelImage {
+        self.image
+    }
+
+    fn clear(&mut self, size: [u32; 2]) {
+        let count = size[0] as usize * size[1] as usize;
+        self.image.size = size;
+        refill(&mut self.image.parts, count, 0);
+        refill(&mut self.image.instances, count, 0);
+        // While drawing, `depths` holds 1 / z: it is affine on the screen, and 0 is infinitely far.
+        refill(&mut self.image.depths, count, 0.0);
+    }
+
+    fn draw(&mut self, camera: &Camera, instances: &[Instance], options: &RenderOptions) {
+        let [width, height] = camera.size.map(|side| side as usize);
+        let rows = height.div_ceil(options.bands.max(1)).max(1);
+        let cells = rows * width;
+        let image = &mut self.image;
+        if rows >= height {
+            self.vertices.resize_with(1, Vec::new);
+            let vertices = &mut self.vertices[0];
+            let mut band = Band {
+                first_row: 0,
+                width,
+                parts: &mut image.parts,
+                instances: &mut image.instances,
+                inverse_depths: &mut image.depths,
+            };
+            for instance in instances {
+                let projection = Projection::new(camera, instance);
+                projection.project(&instance.mesh.vertices, vertices);
+                raster::draw_instance(&mut band, instance, &projection, vertices, options);
+            }
+            band.finish();
+            return;
+        }
+        self.vertices.resize_with(instances.len().max(self.vertices.len()), Vec::new);
+        let projections: Vec<Projection> = self
+            .vertices
+            .par_iter_mut()
+            .zip(instances)
+            .map(|(vertices, instance)| {
+                let projection = Projection::new(camera, instance);
+                projection.project(&instance.mesh.vertices, vertices);
+                projection
+            })
+            .collect();
+        let vertices = &self.vertices;
+        image
+            .parts
+            .par_chunks_mut(cells)
+            .zip(image.instances.par_chunks_mut(cells))
+            .zip(image.depths.par_chunks_mut(cells))
+            .enumerate()
+            .for_each(|(i, ((parts, ids), inverse_depths))| {
+                let first_row = i * rows;
+                let mut band = Band { first_row, width, parts, instances: ids, inverse_depths };
+                for ((instance, projection), vertices) in
+                    instances.iter().zip(&projections).zip(vertices)
+                {
+                    raster::draw_instance(&mut band, instance, projection, vertices, options);
+                }
+                band.finish();
+            });
+    }
+}
+
+fn refill<T: Clone>(values: &mut Vec<T>, count: usize, value: T) {
+    values.clear();
+    values.resize(count, value);
 }

@@ -1,0 +1,59 @@
+//! Time of label pictures: whole images and the small windows that fits are made in.
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use divan::Bencher;
+use partpose::geometry::{Camera, Cuboid, Pose, Vector3};
+use partpose::render::{Instance, LabelRenderer, RenderOptions};
+use partpose::vehicle::Mesh;
+
+const CAMERA: Camera = Camera::pinhole(725.0, [620.5, 187.0], [1242, 375]);
+/// Cells a cube side is cut into: 12 * 29² = 10,092 faces.
+const CELLS: u32 = 29;
+
+fn main() {
+    divan::main();
+}
+
+fn instance(mesh: &Mesh, camera_from_vehicle: Pose, id: u16) -> Instance<'_> {
+    Instance { mesh, scale: Vector3::repeat(1.0), camera_from_vehicle, id }
+}
+
+fn ten(bencher: Bencher, options: RenderOptions) {
+    let mesh = common::car(CELLS);
+    let poses = common::ten_poses();
+    let instances: Vec<Instance> =
+        (1..).zip(&poses).map(|(id, pose)| instance(&mesh, *pose, id)).collect();
+    let mut renderer = LabelRenderer::default();
+    bencher.bench_local(|| renderer.render(&CAMERA, &instances, &options).parts[0]);
+}
+
+#[divan::bench(args = [false, true])]
+fn ten_vehicles_of_10k_faces(bencher: Bencher, cull_back_faces: bool) {
+    ten(bencher, RenderOptions { cull_back_faces, ..RenderOptions::default() });
+}
+
+#[divan::bench(args = [1, 2, 4])]
+fn ten_vehicles_in_bands(bencher: Bencher, bands: usize) {
+    ten(bencher, RenderOptions { bands, ..RenderOptions::default() });
+}
+
+#[divan::bench]
+fn empty_picture(bencher: Bencher) {
+    let mut renderer = LabelRenderer::default();
+    bencher.bench_local(|| renderer.render(&CAMERA, &[], &RenderOptions::default()).parts[0]);
+}
+
+#[divan::bench(args = [(28, false), (56, false), (56, true), (112, false), (112, true)])]
+fn one_vehicle_in_a_window(bencher: Bencher, (side, cull_back_faces): (u32, bool)) {
+    let mesh = common::car(CELLS);
+    let pose = common::ten_poses()[2];
+    let cuboid = Cuboid { camera_from_vehicle: pose, extent: common::EXTENT };
+    let bounds = cuboid.project(&CAMERA).expect("the vehicle stands in front of the camera");
+    let camera = CAMERA.crop(&bounds, [side, side]);
+    let options = RenderOptions { cull_back_faces, ..RenderOptions::default() };
+    let mut renderer = LabelRenderer::default();
+    let instances = [instance(&mesh, pose, 1)];
+    bencher.bench_local(|| renderer.render(&camera, &instances, &options).parts[0]);
+}
