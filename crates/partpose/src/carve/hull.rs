@@ -62,6 +62,27 @@ struct Voter<'a> {
     quality: f32,
 }
 
+/// What the views of one track say of one voxel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Tally {
+    /// Sum of votes for background.
+    against: f32,
+    /// Sum of the votes that there could be.
+    all: f32,
+    /// The largest of them.
+    most: f32,
+}
+
+impl Tally {
+    /// The vote of the track.
+    fn vote(&self) -> f32 {
+        if self.all > 0.0 { (self.against / self.all / FULL_SHARE).min(1.0) * self.most } else { 0.0 }
+    }
+}
+
+/// The share of a track's views that must see background for a full vote.
+const FULL_SHARE: f32 = 0.25;
+
 /// How strongly each voxel is seen as background; see the head of the file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct VoteOptions {
@@ -73,8 +94,20 @@ pub(super) struct VoteOptions {
     pub(super) enough: f32,
 }
 
+/// The sum of votes that all tracks could cast together.
+pub(super) fn all_votes(views: &[&View], options: &VoteOptions) -> f32 {
+    let tracks = views.chunk_by(|a, b| a.track == b.track);
+    let best = tracks.map(|track| track.iter().map(|view| view.box_height).fold(0.0, f64::max));
+    2.0 * best.map(|height| (height / options.full_height).min(1.0) as f32).sum::<f32>()
+}
+
 /// Sum of votes a voxel. `views` are sorted by track.
-pub(super) fn votes(grid: &Grid, extent: &Extent, views: &[&View], options: &VoteOptions) -> Vec<f32> {
+pub(super) fn votes(
+    grid: &Grid,
+    extent: &Extent,
+    views: &[&View],
+    options: &VoteOptions,
+) -> Vec<f32> {
     let voters: Vec<Voter> = views
         .par_iter()
         .map(|view| {
@@ -86,14 +119,14 @@ pub(super) fn votes(grid: &Grid, extent: &Extent, views: &[&View], options: &Vot
     let layer = grid.size[0] * grid.size[1];
     let mut sums = vec![0.0f32; grid.len()];
     sums.par_chunks_mut(layer).enumerate().for_each(|(k, sums)| {
-        let mut best = vec![0.0f32; layer];
+        let mut tallies = vec![Tally::default(); layer];
         for group in voters.chunk_by(|a, b| a.view.track == b.view.track) {
             for side in [1.0f32, -1.0] {
-                best.fill(0.0);
+                tallies.fill(Tally::default());
                 for voter in group {
-                    vote(grid, extent, voter, options, side, k, sums, &mut best);
+                    vote(grid, extent, voter, options, side, k, sums, &mut tallies);
                 }
-                sums.iter_mut().zip(&best).for_each(|(sum, best)| *sum += best);
+                sums.iter_mut().zip(&tallies).for_each(|(sum, tally)| *sum += tally.vote());
             }
         }
     });
@@ -109,7 +142,7 @@ fn vote(
     side: f32,
     k: usize,
     sums: &[f32],
-    best: &mut [f32],
+    tallies: &mut [Tally],
 ) {
     let rows = voter.view.projection(extent);
     for j in 0..grid.size[1] {
@@ -122,10 +155,16 @@ fn vote(
         let (du, dv, dz) = (rows[0][0] * dx, rows[1][0] * dx, rows[2][0] * dx);
         for i in 0..grid.size[0] {
             let n = j * grid.size[0] + i;
-            if sums[n] < options.enough && best[n] < voter.quality && z > 0.1 {
+            if sums[n] < options.enough && z > 0.1 {
                 if let Some(outside) = voter.edge.at(u / z, v / z) {
-                    let vote = (outside - options.tolerance).clamp(0.0, 1.0) * voter.quality;
-                    best[n] = best[n].max(vote);
+                    let pixel = (v / z).round() as usize * voter.edge.size[0] + (u / z).round() as usize;
+                    if voter.view.labels[pixel] != UNKNOWN {
+                        let vote = (outside - options.tolerance).clamp(0.0, 1.0) * voter.quality;
+                        let tally = &mut tallies[n];
+                        tally.against += vote;
+                        tally.all += voter.quality;
+                        tally.most = tally.most.max(voter.quality);
+                    }
                 }
             }
             u += du;

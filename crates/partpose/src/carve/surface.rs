@@ -61,12 +61,24 @@ pub(super) fn keep_largest(grid: &Grid, field: &mut [f32], level: f32) {
                     stack.push(m);
                 }
             };
-            if i > 0 { visit(n - 1) }
-            if i + 1 < nx { visit(n + 1) }
-            if j > 0 { visit(n - nx) }
-            if j + 1 < ny { visit(n + nx) }
-            if k > 0 { visit(n - nx * ny) }
-            if k + 1 < nz { visit(n + nx * ny) }
+            if i > 0 {
+                visit(n - 1)
+            }
+            if i + 1 < nx {
+                visit(n + 1)
+            }
+            if j > 0 {
+                visit(n - nx)
+            }
+            if j + 1 < ny {
+                visit(n + nx)
+            }
+            if k > 0 {
+                visit(n - nx * ny)
+            }
+            if k + 1 < nz {
+                visit(n + nx * ny)
+            }
         }
         if size > best_size {
             (best, best_size) = (count, size);
@@ -114,7 +126,9 @@ impl Padded {
             for k in 0..nz - 1 {
                 for j in 0..ny - 1 {
                     for i in 0..nx - 1 {
-                        let corners: [usize; 8] = std::array::from_fn(|c| self.index(i + (c & 1), j + (c >> 1 & 1), k + (c >> 2)));
+                        let corners: [usize; 8] = std::array::from_fn(|c| {
+                            self.index(i + (c & 1), j + (c >> 1 & 1), k + (c >> 2))
+                        });
                         changed |= self.compose_cell(&corners);
                     }
                 }
@@ -173,7 +187,8 @@ pub(super) fn extract(grid: &Grid, field: &[f32], level: f32) -> HalfMesh {
                 if let Some(at) = cell_vertex(&padded, [i, j, k]) {
                     vertex_of_cell[padded.index(i, j, k)] = mesh.vertices.len() as u32;
                     // Padded index 0 is voxel -1; voxel n has its centre at n + 1/2.
-                    let [x, y, z]: [f64; 3] = std::array::from_fn(|a| grid.origin[a] + (at[a] - 0.5) * grid.step[a]);
+                    let [x, y, z]: [f64; 3] =
+                        std::array::from_fn(|a| grid.origin[a] + (at[a] - 0.5) * grid.step[a]);
                     mesh.vertices.push(Point3::new(if i == 0 { 0.0 } else { x.max(0.0) }, y, z));
                     mesh.on_plane.push(i == 0);
                 }
@@ -186,13 +201,15 @@ pub(super) fn extract(grid: &Grid, field: &[f32], level: f32) -> HalfMesh {
             for i in 1..nx - 1 {
                 let n = padded.index(i, j, k);
                 for axis in 0..3 {
-                    let (here, there) = (padded.values[n] > 0.0, padded.values[n + strides[axis]] > 0.0);
+                    let (here, there) =
+                        (padded.values[n] > 0.0, padded.values[n + strides[axis]] > 0.0);
                     if here == there {
                         continue;
                     }
                     let (b, c) = (strides[(axis + 1) % 3], strides[(axis + 2) % 3]);
                     let quad = [n - b - c, n - c, n, n - b].map(|cell| vertex_of_cell[cell]);
-                    let [p, q, r, s] = if here { quad } else { [quad[3], quad[2], quad[1], quad[0]] };
+                    let [p, q, r, s] =
+                        if here { quad } else { [quad[3], quad[2], quad[1], quad[0]] };
                     mesh.faces.push([p, q, r]);
                     mesh.faces.push([p, r, s]);
                 }
@@ -205,7 +222,10 @@ pub(super) fn extract(grid: &Grid, field: &[f32], level: f32) -> HalfMesh {
 /// The mean of the crossings on a cell's edges, in padded coordinates; `None` where there is none.
 fn cell_vertex(padded: &Padded, cell: [usize; 3]) -> Option<[f64; 3]> {
     let value = |c: usize| {
-        f64::from(padded.values[padded.index(cell[0] + (c & 1), cell[1] + (c >> 1 & 1), cell[2] + (c >> 2))])
+        f64::from(
+            padded.values
+                [padded.index(cell[0] + (c & 1), cell[1] + (c >> 1 & 1), cell[2] + (c >> 2))],
+        )
     };
     let (mut sum, mut count) = ([0.0; 3], 0.0);
     for c in 0..8usize {

@@ -5,13 +5,11 @@
 //! for their cuboids, later for their carved models. Label 0 on the vehicle itself, from trees and poles that the masks
 //! cut out, is found later (`occluders.rs`).
 
-use crate::dataset::{Frame, VehicleLabel};
+use crate::dataset::Frame;
 use crate::geometry::{Camera, Extent, Point3, Pose, Rect, Vector3};
 use crate::parts::{PartClass, PartMask};
 use crate::render::{Instance, LabelImage, render_labels};
 use crate::vehicle::Mesh;
-
-use super::CarveOptions;
 
 /// Nothing is known of this pixel.
 pub(super) const UNKNOWN: u8 = 255;
@@ -117,29 +115,9 @@ impl View {
     }
 }
 
-/// The views of one frame: every vehicle whose name is among `names`, with the index of the name.
-pub(super) fn views_of_frame(
-    frame: &Frame,
-    mask: &PartMask,
-    names: &[String],
-    options: &CarveOptions,
-) -> Vec<(usize, usize, View)> {
-    let mut found = Vec::new();
-    for (row, vehicle) in frame.vehicles.iter().enumerate() {
-        let Some(model) = names.iter().position(|name| Some(name) == vehicle.model.as_ref()) else {
-            continue;
-        };
-        if vehicle.bounds.height() < options.min_height || vehicle.truncation > options.max_truncation {
-            continue;
-        }
-        if let Some(view) = view_of_row(frame, mask, row, vehicle) {
-            found.push((model, row, view));
-        }
-    }
-    found
-}
-
-fn view_of_row(frame: &Frame, mask: &PartMask, row: usize, vehicle: &VehicleLabel) -> Option<View> {
+/// The view of one row of a frame; `None` where too little of it can be seen to be of use.
+pub(super) fn view_of_row(frame: &Frame, mask: &PartMask, row: usize) -> Option<View> {
+    let vehicle = frame.vehicles.get(row)?;
     let cuboid = &vehicle.cuboid;
     let corners = cuboid.corners();
     if !cuboid.extent.is_valid() || corners.iter().any(|corner| corner.z < MIN_DEPTH) {
@@ -221,7 +199,8 @@ pub(super) fn mark_foreign(view: &mut View, models: &[(&str, &Mesh, Extent)]) {
     for neighbour in &view.neighbours {
         let model = models.iter().find(|(name, ..)| Some(*name) == neighbour.model.as_deref());
         let covered = if neighbour.drawable {
-            let (mesh, extent) = model.map_or((&cuboid, unit), |(_, mesh, extent)| (*mesh, *extent));
+            let (mesh, extent) =
+                model.map_or((&cuboid, unit), |(_, mesh, extent)| (*mesh, *extent));
             let instance = Instance {
                 mesh,
                 scale: neighbour.extent.ratio(&extent),
@@ -232,7 +211,9 @@ pub(super) fn mark_foreign(view: &mut View, models: &[(&str, &Mesh, Extent)]) {
         } else {
             pixels_of_rect(view, &neighbour.bounds)
         };
-        for (label, covered) in labels.iter_mut().zip(dilate(&covered, [width, height], FOREIGN_MARGIN)) {
+        for (label, covered) in
+            labels.iter_mut().zip(dilate(&covered, [width, height], FOREIGN_MARGIN))
+        {
             if covered && neighbour.nearer {
                 *label = UNKNOWN;
             } else if covered && *label != 0 && *label < AMBIGUOUS {
@@ -256,8 +237,10 @@ fn pixels_of_rect(view: &View, rect: &Rect) -> Vec<bool> {
     let mut inside = vec![false; width * height];
     for y in 0..height {
         for x in 0..width {
-            let (u, v) = (f64::from(x as i32 + view.origin[0]), f64::from(y as i32 + view.origin[1]));
-            inside[y * width + x] = (rect.x_min..=rect.x_max).contains(&u) && (rect.y_min..=rect.y_max).contains(&v);
+            let (u, v) =
+                (f64::from(x as i32 + view.origin[0]), f64::from(y as i32 + view.origin[1]));
+            inside[y * width + x] =
+                (rect.x_min..=rect.x_max).contains(&u) && (rect.y_min..=rect.y_max).contains(&v);
         }
     }
     inside
@@ -296,7 +279,8 @@ pub(super) fn cuboid_mesh(extent: &Extent) -> Mesh {
         );
         Point3::from(unit.component_mul(&extent.to_vector()))
     };
-    let faces: Vec<_> = QUADS.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
+    let faces: Vec<_> =
+        QUADS.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
     let parts = vec![PartClass::Roof; faces.len()];
     Mesh { vertices: (0..8).map(corner).collect(), faces, parts }
 }
