@@ -1,1 +1,3 @@
-//! (to be written)
+//! Scores against ground truth.
+
+pub mod pnp;
