@@ -1,5 +1,7 @@
 //! Scores with the paper's definitions.
 
+pub mod pnp;
+
 mod poses;
 mod run;
 mod table;

@@ -76,7 +76,11 @@ struct Tally {
 impl Tally {
     /// The vote of the track.
     fn vote(&self) -> f32 {
-        if self.all > 0.0 { (self.against / self.all / FULL_SHARE).min(1.0) * self.most } else { 0.0 }
+        if self.all > 0.0 {
+            (self.against / self.all / FULL_SHARE).min(1.0) * self.most
+        } else {
+            0.0
+        }
     }
 }
 
@@ -157,7 +161,8 @@ fn vote(
             let n = j * grid.size[0] + i;
             if sums[n] < options.enough && z > 0.1 {
                 if let Some(outside) = voter.edge.at(u / z, v / z) {
-                    let pixel = (v / z).round() as usize * voter.edge.size[0] + (u / z).round() as usize;
+                    let pixel =
+                        (v / z).round() as usize * voter.edge.size[0] + (u / z).round() as usize;
                     if voter.view.labels[pixel] != UNKNOWN {
                         let vote = (outside - options.tolerance).clamp(0.0, 1.0) * voter.quality;
                         let tally = &mut tallies[n];
