@@ -23,6 +23,8 @@ impl Default for BirdsEyeOptions {
 
 /// Shortest and longest range that is chosen by itself, in metres.
 const RANGES: [f64; 2] = [20.0, 120.0];
+/// Where rings are labelled, from straight ahead to the right, in radians.
+const RING_LABEL_ANGLE: f64 = 0.78;
 /// Pixels under the camera.
 const FOOT: f64 = 22.0;
 
@@ -107,10 +109,12 @@ fn draw_grid(canvas: &mut Canvas, map: &Map, range: f64) {
         for k in 0..96 {
             canvas.line(&at(k), &at(k + 1), pen);
         }
-        let top = map.pixel(0.0, radius);
+        // Beside the field of view, or at the border: where vehicles are rare.
+        let x = (radius * RING_LABEL_ANGLE.sin()).min(reach - 32.0 / map.scale).max(0.0);
+        let at = map.pixel(x, (radius * radius - x * x).max(0.0).sqrt());
         let text = format!("{radius} m");
         let style = TextStyle::outlined(palette::DIM, palette::GROUND);
-        canvas.text([top.x as i32 + 4, top.y as i32 + 3], &text, style);
+        canvas.text([at.x as i32 + 2, at.y as i32 + 5], &text, style);
     }
 }
 

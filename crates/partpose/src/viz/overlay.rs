@@ -3,7 +3,7 @@
 use crate::files::RgbImage;
 use crate::geometry::{Camera, Cuboid, Point2, Point3, Rect, Vector3};
 use crate::parts::{PartClass, PartMask};
-use crate::render::NEAR;
+use crate::render::{Instance, NEAR, render_labels};
 
 use super::birds_eye::{BirdsEyeOptions, birds_eye};
 use super::canvas::{Canvas, Pen, TextStyle, text_size};
@@ -17,6 +17,11 @@ const STRIP: u32 = 18;
 const MASK_OPACITY: [f32; 2] = [0.5, 0.78];
 /// Vehicles below this height, in pixels, show their outline only: more lines than pixels would be left of the rest.
 const DETAILED_HEIGHT: u32 = 36;
+/// Opacity of the contours that another vehicle's model hides.
+const HIDDEN: f32 = 0.22;
+/// Radii of the dots of correspondences, in pixels, and what share of a box's height they take between them.
+const DOT_RADII: [f64; 2] = [1.5, 2.7];
+const DOT_SHARE: f64 = 0.03;
 
 /// The image with everything that is known of its vehicles; a strip below explains the colours.
 pub fn overlay(scene: &ScenePicture) -> RgbImage {
@@ -31,26 +36,34 @@ pub fn overlay(scene: &ScenePicture) -> RgbImage {
     for mask in vehicles.iter().filter_map(|vehicle| vehicle.mask) {
         draw_mask(&mut canvas, mask, opacity);
     }
-    for vehicle in &vehicles {
+    let front = foremost(&scene.camera, &vehicles);
+    for (id, vehicle) in (1..).zip(&vehicles) {
         if let Some(bounds) = &vehicle.bounds {
             let color = palette::with_opacity(palette::DETECTION, 210);
             canvas.rectangle(bounds, Pen { color, width: 1.0 });
         }
-        draw_estimate(&mut canvas, &scene.camera, vehicle);
+        draw_estimate(&mut canvas, &scene.camera, vehicle, |x, y| {
+            let front = front[(y * width as i32 + x) as usize];
+            if front == 0 || front == id { 1.0 } else { HIDDEN }
+        });
         if let Some(cuboid) = &vehicle.truth {
             draw_cuboid(&mut canvas, &scene.camera, cuboid, palette::TRUTH, true);
         }
     }
-    for pair in vehicles.iter().flat_map(|vehicle| &vehicle.points) {
-        draw_pair(&mut canvas, pair);
-    }
-    let area = Rect::new(0.0, 0.0, f64::from(width) - 1.0, f64::from(height) - 1.0);
-    let mut labels = Labels::default();
-    for vehicle in vehicles.iter().rev() {
-        if let Some(anchor) = anchor(&scene.camera, vehicle) {
-            labels.write(&mut canvas, &anchor, &caption(vehicle), &area);
+    for vehicle in &vehicles {
+        let radius = dot_radius(&scene.camera, vehicle);
+        for pair in &vehicle.points {
+            draw_pair(&mut canvas, pair, radius);
         }
     }
+    let area = Rect::new(0.0, 0.0, f64::from(width) - 1.0, f64::from(height) - 1.0);
+    let mut labels = Labels::new(area);
+    for vehicle in vehicles.iter().rev() {
+        if let Some(anchor) = anchor(&scene.camera, vehicle) {
+            labels.place(&anchor, caption(vehicle));
+        }
+    }
+    labels.draw(&mut canvas);
     let strip = Rect::new(-1.0, f64::from(height) - 0.5, f64::from(width), f64::from(height + 99));
     canvas.fill_rectangle(&strip, palette::with_opacity(palette::MARGIN, 255));
     legend(&mut canvas, scene, height as i32);
@@ -99,8 +112,21 @@ fn draw_mask(canvas: &mut Canvas, mask: &PartMask, opacity: f32) {
     }
 }
 
-/// The fitted model's contours, or its cuboid where only that is known.
-fn draw_estimate(canvas: &mut Canvas, camera: &Camera, vehicle: &VehiclePicture) {
+/// Which of the vehicles' models stands in front at each pixel: its place in the list from 1, or 0.
+fn foremost(camera: &Camera, vehicles: &[&VehiclePicture]) -> Vec<u16> {
+    let models = (1..)
+        .zip(vehicles)
+        .filter_map(|(id, vehicle)| vehicle.model.map(|model| Instance { id, ..model }));
+    render_labels(camera, &models.collect::<Vec<_>>()).instances
+}
+
+/// The fitted model's contours, or its cuboid where only that is known; `opacity` is that of a pixel.
+fn draw_estimate(
+    canvas: &mut Canvas,
+    camera: &Camera,
+    vehicle: &VehiclePicture,
+    opacity: impl Fn(i32, i32) -> f32,
+) {
     let Some(model) = &vehicle.model else {
         if let Some(cuboid) = &vehicle.predicted {
             draw_cuboid(canvas, camera, cuboid, palette::PREDICTED, false);
@@ -113,7 +139,10 @@ fn draw_estimate(canvas: &mut Canvas, camera: &Camera, vehicle: &VehiclePicture)
     for (i, (outline, seam)) in contours.outline.iter().zip(&contours.inner).enumerate() {
         let x = contours.origin[0] + (i % width) as i32;
         let y = contours.origin[1] + (i / width) as i32;
-        canvas.blend(x, y, palette::PREDICTED, outline.max(inner * seam));
+        let coverage = outline.max(inner * seam);
+        if coverage > 0.0 {
+            canvas.blend(x, y, palette::PREDICTED, coverage * opacity(x, y));
+        }
     }
 }
 
@@ -136,7 +165,7 @@ fn draw_cuboid(
             }
             let seen =
                 (0..3).filter(|other| *other != axis).any(|other| faces[other][first >> other & 1]);
-            let opacity = if seen { 235 } else { 90 };
+            let opacity = if seen { 235 } else { 70 };
             let pen = Pen { color: palette::with_opacity(color, opacity), width: 1.0 };
             if let Some([from, to]) = near(first, second) {
                 canvas.line(&from, &to, pen);
@@ -186,18 +215,22 @@ fn project_edge(camera: &Camera, a: &Point3, b: &Point3) -> Option<[Point2; 2]> 
     Some([camera.project_unchecked(&a), camera.project_unchecked(&b)])
 }
 
-/// A dot in the part's colour and a line to where the pose puts the part; crossed out if it was not used.
-fn draw_pair(canvas: &mut Canvas, pair: &PointPair) {
+fn dot_radius(camera: &Camera, vehicle: &VehiclePicture) -> f32 {
+    let height = anchor(camera, vehicle).map_or(f64::INFINITY, |rect| rect.height());
+    (DOT_SHARE * height).clamp(DOT_RADII[0], DOT_RADII[1]) as f32
+}
+
+/// A dot in the part's colour and a line to where the pose puts the part; the dot is hollow if it was not used.
+fn draw_pair(canvas: &mut Canvas, pair: &PointPair, radius: f32) {
     let red = palette::with_opacity(palette::RESIDUAL, 255);
     let dark = palette::with_opacity([0, 0, 0], 190);
     let [from, to] = [&pair.observed, &pair.reprojected];
-    canvas.line(from, to, Pen { color: dark, width: 2.6 });
-    canvas.line(from, to, Pen { color: red, width: 1.2 });
-    let radius = if pair.inlier { 2.6 } else { 2.0 };
+    canvas.line(from, to, Pen { color: dark, width: 0.5 * radius + 1.2 });
+    canvas.line(from, to, Pen { color: red, width: 0.5 * radius });
     canvas.disc(from, radius + 1.1, [0, 0, 0, 255]);
     canvas.disc(from, radius + 0.3, [255, 255, 255, 255]);
     let color = if pair.inlier { pair.class.color() } else { palette::GROUND };
-    canvas.disc(from, radius - 0.6, palette::with_opacity(color, 255));
+    canvas.disc(from, radius - 0.5, palette::with_opacity(color, 255));
 }
 
 /// Explains what the picture shows, and no more.
@@ -229,13 +262,22 @@ fn legend(canvas: &mut Canvas, scene: &ScenePicture, top: i32) {
             }
         });
     }
-    if any(&|vehicle| !vehicle.points.is_empty()) {
-        entry(canvas, "part centre, to its place in the pose", &|canvas: &mut Canvas, x| {
+    let example = |inlier: bool| {
+        move |canvas: &mut Canvas, x: f64| {
             let observed = Point2::new(x + 4.0, middle + 2.0);
             let reprojected = Point2::new(x + 14.0, middle - 3.0);
             let class = PartClass::Hood;
-            draw_pair(canvas, &PointPair { observed, reprojected, class, inlier: true });
-        });
+            draw_pair(canvas, &PointPair { observed, reprojected, class, inlier }, 2.7);
+        }
+    };
+    let has_pair = |inlier: bool| {
+        scene.vehicles.iter().flat_map(|vehicle| &vehicle.points).any(|pair| pair.inlier == inlier)
+    };
+    if has_pair(true) {
+        entry(canvas, "part centre and where the pose puts it", &example(true));
+    }
+    if has_pair(false) {
+        entry(canvas, "rejected", &example(false));
     }
     if any(&|vehicle| vehicle.model.is_some() || vehicle.predicted.is_some()) {
         entry(canvas, "estimate", &line(palette::PREDICTED));
