@@ -1,1 +1,3 @@
-//! (to be written)
+//! Results in other people's formats.
+
+pub mod kitti;
