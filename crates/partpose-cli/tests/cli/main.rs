@@ -1,6 +1,7 @@
 //! The program as a user runs it: what it writes to stdout and stderr, and how it ends.
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail loudly too")]
+#![allow(clippy::needless_raw_string_hashes, reason = "`UPDATE_EXPECT=1` writes them")]
 
 mod dataset_check;
 
