@@ -68,7 +68,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             let deviation = |e: &PoseEstimate| pose_deviation(&e.cuboid(), &label.cuboid, right(e));
             scored.push(one.estimate.as_ref().ok().map(deviation));
             let mask = one.detection.part_mask(frame.camera.size, options.scaling);
-            accuracies.push(mask.agreement(&oracle.vehicle_mask(one.vehicle, &one.detection.bounds)));
+            accuracies
+                .push(mask.agreement(&oracle.vehicle_mask(one.vehicle, &one.detection.bounds)));
             file.detections.push((index as usize, one.detection.clone()));
         }
         write(&arguments.out, &name, &frame, (&zoo, &options), &found)?;
@@ -135,7 +136,9 @@ fn summary(folder: &Path, scores: &PoseScores, accuracies: &[f64]) -> anyhow::Re
     let text = serde_json::to_string_pretty(&metrics)?;
     files::write(&folder.join("metrics.json"), text.as_bytes())?;
     let percent = 100.0 * accuracy;
-    note(format_args!("masks with {percent:.1} % of the pixels right, as a network would make them"));
+    note(format_args!(
+        "masks with {percent:.1} % of the pixels right, as a network would make them"
+    ));
     note(format_args!("wrote pictures, poses and scores to `{}`", folder.display()));
     let out = folder.display();
     note(format_args!(

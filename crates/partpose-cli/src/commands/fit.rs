@@ -85,7 +85,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let done: Vec<anyhow::Result<Counts>> = by_image
         .into_par_iter()
         .map(|(name, detections)| {
-            let counts = fit_image(arguments, (&name, detections), &camera, (&zoo, &estimator), &extent);
+            let counts =
+                fit_image(arguments, (&name, detections), &camera, (&zoo, &estimator), &extent);
             bar.inc(1);
             counts
         })
@@ -165,7 +166,8 @@ fn fit_image(
             })
             .collect();
         let scaling = arguments.pose.options().scaling;
-        let picture = result_files::picture(&stem, camera, zoo, image.as_ref(), (&pictured, scaling));
+        let picture =
+            result_files::picture(&stem, camera, zoo, image.as_ref(), (&pictured, scaling));
         files::write_png(&arguments.out.join(format!("{stem}.png")), &picture)?;
     }
     Ok(counts)

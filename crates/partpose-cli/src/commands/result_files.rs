@@ -68,10 +68,8 @@ pub(crate) fn picture(
     image: Option<&RgbImage>,
     (vehicles, scaling): (&[Pictured], Scaling),
 ) -> RgbImage {
-    let masks: Vec<PartMask> = vehicles
-        .iter()
-        .map(|vehicle| vehicle.detection.part_mask(camera.size, scaling))
-        .collect();
+    let masks: Vec<PartMask> =
+        vehicles.iter().map(|vehicle| vehicle.detection.part_mask(camera.size, scaling)).collect();
     let vehicles = vehicles
         .iter()
         .zip(&masks)
@@ -102,7 +100,8 @@ fn vehicle_picture<'a>(
         .correspondences
         .iter()
         .filter_map(|c| {
-            let reprojected = camera.project(&(estimate.camera_from_vehicle * c.point_in_vehicle))?;
+            let reprojected =
+                camera.project(&(estimate.camera_from_vehicle * c.point_in_vehicle))?;
             let (observed, inlier) = (c.point_in_image, c.inlier);
             Some(PointPair { observed, reprojected, class: c.part, inlier })
         })

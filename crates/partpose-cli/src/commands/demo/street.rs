@@ -20,7 +20,9 @@ const MIN_VISIBLE: f64 = 0.35;
 /// The camera as `partpose fit` reads it.
 pub(super) fn camera_toml() -> String {
     let ([fx, fy], [cx, cy], [width, height]) = (CAMERA.focal, CAMERA.principal_point, CAMERA.size);
-    format!("width = {width}\nheight = {height}\nfx = {fx:?}\nfy = {fy:?}\ncx = {cx:?}\ncy = {cy:?}\n")
+    format!(
+        "width = {width}\nheight = {height}\nfx = {fx:?}\nfy = {fy:?}\ncx = {cx:?}\ncy = {cy:?}\n"
+    )
 }
 
 /// Parked rows on both sides, traffic on two lanes and one that crosses.
