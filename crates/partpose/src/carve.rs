@@ -15,6 +15,7 @@ mod half;
 mod hull;
 mod labels;
 mod occluders;
+mod simplify;
 mod surface;
 mod view;
 
@@ -356,6 +357,9 @@ fn median_extent(views: &[View]) -> Extent {
     Extent::new(median(|e| e.width), median(|e| e.height), median(|e| e.length))
 }
 
+/// Faces of the half whose outlines are fitted.
+const FIT_FACES: usize = 10_000;
+
 /// Least share of the cuboid's pixels of which a view must know something.
 const MIN_KNOWN: f64 = 0.3;
 
@@ -369,7 +373,8 @@ fn first_shape(
     observer(Progress::Carving { model: name.to_owned(), step: "first hull" });
     let extent = median_extent(views);
     let clean = clean_views(views);
-    let half = hull_surface(&extent, &clean, options, 0.10)?;
+    debug_center(name, &clean);
+    let half = hull_surface(&extent, &clean, options, 2)?;
     Some(Shape { half, extent })
 }
 
@@ -378,7 +383,7 @@ fn clean_views(views: &[View]) -> Vec<&View> {
     const BINS: usize = 9;
     const SLACK: f64 = 0.06;
     let bin = |view: &View| {
-        ((view.azimuth() / std::f64::consts::PI * BINS as f64) as usize).min(BINS - 1)
+        ((view.azimuth().abs() / std::f64::consts::PI * BINS as f64) as usize).min(BINS - 1)
     };
     let mut fills: Vec<Vec<f64>> = vec![Vec::new(); BINS];
     for view in views.iter().filter(|view| view.known >= MIN_KNOWN) {
@@ -401,14 +406,13 @@ fn hull_surface(
     extent: &Extent,
     views: &[&View],
     options: &CarveOptions,
-    share: f32,
+    coarseness: usize,
 ) -> Option<half::HalfMesh> {
-    let grid = Grid::over(extent, options.voxels, [0.08, 0.04, 0.04]);
-    let mut vote = VoteOptions { tolerance: 0.3, full_height: 60.0, enough: 0.0 };
-    let needed = (share * hull::all_votes(views, &vote)).max(1.0);
-    vote.enough = 2.0 * needed;
-    let sums = hull::votes(&grid, extent, views, &vote);
-    let mut field: Vec<f32> = sums.iter().map(|sum| 1.0 - 0.5 * (sum / needed).min(2.0)).collect();
+    let voxels = options.voxels.map(|n| n.div_ceil(coarseness));
+    let grid = Grid::over(extent, voxels, [0.08, 0.04, 0.04]);
+    let vote = VoteOptions { tolerance: 0.3, full_height: 60.0 };
+    let scores = hull::votes(&grid, extent, views, &vote);
+    let mut field: Vec<f32> = scores.iter().map(|score| 1.0 - 0.5 * score.min(2.0)).collect();
     surface::keep_largest(&grid, &mut field, 0.5);
     surface::blur(&grid, &mut field, 1);
     surface::keep_largest(&grid, &mut field, 0.5);
@@ -428,7 +432,7 @@ fn finish(
     let mut tell = |step| observer(Progress::Carving { model: name.to_owned(), step });
     let extent = first.extent;
     let mut half = first.half;
-    for (depth, least, share) in [(0.12, 4.0, 0.05), (0.07, 3.0, 0.03)] {
+    for (depth, least, coarseness) in [(0.12, 4.0, 2), (0.07, 3.0, 1)] {
         tell("occluders");
         let mesh = half.mirrored(&[]);
         let hidden: Vec<f64> = views
@@ -446,10 +450,11 @@ fn finish(
             .map(|(view, _)| view)
             .collect();
         tell("hull");
-        half = hull_surface(&extent, &usable, options, share)
+        half = hull_surface(&extent, &usable, options, coarseness)
             .ok_or_else(|| Skipped::Empty { name: name.to_owned(), views: usable.len() })?;
     }
     tell("outlines");
+    half = simplify::simplify(&half, &[], FIT_FACES).0;
     let mesh = half.mirrored(&[]);
     let hidden: Vec<f64> = views
         .par_iter_mut()
@@ -468,11 +473,32 @@ fn finish(
     let contour = ContourOptions { rounds: 8, reach: 0.08, stiffness: 1.0, unit_resolution: 40.0 };
     let outline_error = contour::fit(&mut half, &usable, &extent, &contour);
     tell("labels");
+    let (half, _) = simplify::subdivide(&half, &[]);
     let votes = labels::votes(&half, &usable, &extent);
     let labels = labels::labels(&half, &votes, 10, 0.6);
+    tell("simplify");
+    let (half, labels) = simplify::simplify(&half, &labels, options.max_faces / 2);
     let mesh = half.mirrored(&labels);
     let tracks = usable.chunk_by(|a, b| a.track == b.track).count();
     let model = VehicleModel::new(name, "Car", &name.to_lowercase(), extent, mesh)
         .map_err(|source| Skipped::Model { name: name.to_owned(), source })?;
     Ok(CarvedModel { model, tracks, views: usable.len(), outline_error })
+}
+#[doc(hidden)]
+fn debug_center(name: &str, views: &[&View]) {
+    for v in views {
+        let rows = v.projection(&v.extent);
+        let mut bad = 0; let mut all = 0;
+        for z in [-0.3, 0.0, 0.25] { for x in [-0.25, 0.0, 0.25] { for y in [-0.35, -0.5] {
+            let p = [x * v.extent.width as f32, y * v.extent.height as f32, z * v.extent.length as f32];
+            let at = |r: [f32; 4]| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
+            let (u, w) = (at(rows[0]) / at(rows[2]), at(rows[1]) / at(rows[2]));
+            let s = v.size();
+            if u < 0.0 || w < 0.0 || u.round() as usize >= s[0] || w.round() as usize >= s[1] { continue; }
+            let l = v.labels[w.round() as usize * s[0] + u.round() as usize];
+            if l == 255 { continue; }
+            all += 1; if l == 0 { bad += 1; }
+        }}}
+        if bad * 4 > all { eprintln!("BAD {name} track {} frame-origin {:?} size {:?} h {:.0} az {:.2} fill {:.2} known {:.2} bad {bad}/{all} trunc {:.2}", v.track, v.origin, v.camera.size, v.box_height, v.azimuth(), v.fill, v.known, v.truncation); }
+    }
 }
