@@ -20,23 +20,15 @@ fn instance(mesh: &Mesh, camera_from_vehicle: Pose, id: u16) -> Instance<'_> {
     Instance { mesh, scale: Vector3::repeat(1.0), camera_from_vehicle, id }
 }
 
-fn ten(bencher: Bencher, options: RenderOptions) {
+#[divan::bench(args = [false, true])]
+fn ten_vehicles_of_10k_faces(bencher: Bencher, cull_back_faces: bool) {
     let mesh = common::car(CELLS);
     let poses = common::ten_poses();
     let instances: Vec<Instance> =
         (1..).zip(&poses).map(|(id, pose)| instance(&mesh, *pose, id)).collect();
+    let options = RenderOptions { cull_back_faces };
     let mut renderer = LabelRenderer::default();
     bencher.bench_local(|| renderer.render(&CAMERA, &instances, &options).parts[0]);
-}
-
-#[divan::bench(args = [false, true])]
-fn ten_vehicles_of_10k_faces(bencher: Bencher, cull_back_faces: bool) {
-    ten(bencher, RenderOptions { cull_back_faces, ..RenderOptions::default() });
-}
-
-#[divan::bench(args = [1, 2, 4])]
-fn ten_vehicles_in_bands(bencher: Bencher, bands: usize) {
-    ten(bencher, RenderOptions { bands, ..RenderOptions::default() });
 }
 
 #[divan::bench]
@@ -52,7 +44,7 @@ fn one_vehicle_in_a_window(bencher: Bencher, (side, cull_back_faces): (u32, bool
     let cuboid = Cuboid { camera_from_vehicle: pose, extent: common::EXTENT };
     let bounds = cuboid.project(&CAMERA).expect("the vehicle stands in front of the camera");
     let camera = CAMERA.crop(&bounds, [side, side]);
-    let options = RenderOptions { cull_back_faces, ..RenderOptions::default() };
+    let options = RenderOptions { cull_back_faces };
     let mut renderer = LabelRenderer::default();
     let instances = [instance(&mesh, pose, 1)];
     bencher.bench_local(|| renderer.render(&camera, &instances, &options).parts[0]);

@@ -227,7 +227,8 @@ pub fn carve_models(
         drawn.iter().map(|(name, mesh, e)| (name.as_str(), mesh, *e)).collect();
     for ((name, views), shape) in names.iter().zip(&mut views).zip(shapes) {
         let Some(shape) = shape else { continue };
-        match finish(name, views, shape, &others, options, observer) {
+        let category = category_of(frames, name);
+        match finish((name, &category), views, shape, &others, options, observer) {
             Ok(model) => carved.models.push(model),
             Err(skipped) => carved.skipped.push(skipped),
         }
@@ -248,6 +249,13 @@ fn model_names(frames: &[Frame], asked: Option<&[String]>) -> Result<Vec<String>
         Some(name) => Err(CarveError::UnknownModel { name: name.clone(), known }),
         None => Ok(asked.to_vec()),
     }
+}
+
+/// The category of the first vehicle that shows a model.
+fn category_of(frames: &[Frame], name: &str) -> String {
+    let mut vehicles = frames.iter().flat_map(|frame| &frame.vehicles);
+    let shown = vehicles.find(|vehicle| vehicle.model.as_deref() == Some(name));
+    shown.map_or_else(String::new, |vehicle| vehicle.category.clone())
 }
 
 /// The rows to use, sorted by model, track and frame.
@@ -360,6 +368,9 @@ fn median_extent(views: &[View]) -> Extent {
 /// Faces of the half whose outlines are fitted.
 const FIT_FACES: usize = 10_000;
 
+/// Least share of the cuboid's pixels that show parts if nothing is in front.
+const MIN_FILL: f64 = 0.5;
+
 /// Least share of the cuboid's pixels of which a view must know something.
 const MIN_KNOWN: f64 = 0.3;
 
@@ -373,8 +384,7 @@ fn first_shape(
     observer(Progress::Carving { model: name.to_owned(), step: "first hull" });
     let extent = median_extent(views);
     let clean = clean_views(views);
-    debug_center(name, &clean);
-    let half = hull_surface(&extent, &clean, options, 2)?;
+    let half = hull_surface(&extent, &clean, options, 2, 1.2)?;
     Some(Shape { half, extent })
 }
 
@@ -398,7 +408,8 @@ fn clean_views(views: &[View]) -> Vec<&View> {
         .collect();
     views
         .iter()
-        .filter(|view| view.known >= MIN_KNOWN && view.fill >= usual[bin(view)] - SLACK)
+        .filter(|view| view.known >= MIN_KNOWN)
+        .filter(|view| view.fill >= MIN_FILL.max(usual[bin(view)] - SLACK))
         .collect()
 }
 
@@ -407,10 +418,11 @@ fn hull_surface(
     views: &[&View],
     options: &CarveOptions,
     coarseness: usize,
+    least: f32,
 ) -> Option<half::HalfMesh> {
     let voxels = options.voxels.map(|n| n.div_ceil(coarseness));
     let grid = Grid::over(extent, voxels, [0.08, 0.04, 0.04]);
-    let vote = VoteOptions { tolerance: 0.3, full_height: 60.0 };
+    let vote = VoteOptions { tolerance: 0.3, full_height: 60.0, least };
     let scores = hull::votes(&grid, extent, views, &vote);
     let mut field: Vec<f32> = scores.iter().map(|score| 1.0 - 0.5 * score.min(2.0)).collect();
     surface::keep_largest(&grid, &mut field, 0.5);
@@ -420,9 +432,17 @@ fn hull_surface(
     (!half.faces.is_empty()).then_some(half)
 }
 
+/// The body style that a mesh name speaks of; `other` where it speaks of none.
+pub fn body_style(name: &str) -> &'static str {
+    const STYLES: [&str; 8] =
+        ["hatchback", "sedan", "suv", "wagon", "coupe", "van", "pickup", "truck"];
+    let name = name.to_lowercase();
+    STYLES.into_iter().find(|style| name.contains(style)).unwrap_or("other")
+}
+
 /// Occluders, second hull, outlines, labels.
 fn finish(
-    name: &str,
+    (name, category): (&str, &str),
     views: &mut [View],
     first: Shape,
     others: &[(&str, &Mesh, Extent)],
@@ -450,7 +470,7 @@ fn finish(
             .map(|(view, _)| view)
             .collect();
         tell("hull");
-        half = hull_surface(&extent, &usable, options, coarseness)
+        half = hull_surface(&extent, &usable, options, coarseness, 0.6)
             .ok_or_else(|| Skipped::Empty { name: name.to_owned(), views: usable.len() })?;
     }
     tell("outlines");
@@ -470,7 +490,14 @@ fn finish(
         .filter(|(view, hidden)| view.known >= 0.15 && **hidden < 0.4)
         .map(|(view, _)| view)
         .collect();
-    let contour = ContourOptions { rounds: 8, reach: 0.08, stiffness: 1.0, unit_resolution: 40.0 };
+    let contour = ContourOptions {
+        rounds: 10,
+        reach: 0.08,
+        stiffness: 1.0,
+        membrane_rounds: 6,
+        membrane_weight: 2.0,
+        unit_resolution: 40.0,
+    };
     let outline_error = contour::fit(&mut half, &usable, &extent, &contour);
     tell("labels");
     let (half, _) = simplify::subdivide(&half, &[]);
@@ -480,25 +507,7 @@ fn finish(
     let (half, labels) = simplify::simplify(&half, &labels, options.max_faces / 2);
     let mesh = half.mirrored(&labels);
     let tracks = usable.chunk_by(|a, b| a.track == b.track).count();
-    let model = VehicleModel::new(name, "Car", &name.to_lowercase(), extent, mesh)
+    let model = VehicleModel::new(name, category, body_style(name), extent, mesh)
         .map_err(|source| Skipped::Model { name: name.to_owned(), source })?;
     Ok(CarvedModel { model, tracks, views: usable.len(), outline_error })
-}
-#[doc(hidden)]
-fn debug_center(name: &str, views: &[&View]) {
-    for v in views {
-        let rows = v.projection(&v.extent);
-        let mut bad = 0; let mut all = 0;
-        for z in [-0.3, 0.0, 0.25] { for x in [-0.25, 0.0, 0.25] { for y in [-0.35, -0.5] {
-            let p = [x * v.extent.width as f32, y * v.extent.height as f32, z * v.extent.length as f32];
-            let at = |r: [f32; 4]| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
-            let (u, w) = (at(rows[0]) / at(rows[2]), at(rows[1]) / at(rows[2]));
-            let s = v.size();
-            if u < 0.0 || w < 0.0 || u.round() as usize >= s[0] || w.round() as usize >= s[1] { continue; }
-            let l = v.labels[w.round() as usize * s[0] + u.round() as usize];
-            if l == 255 { continue; }
-            all += 1; if l == 0 { bad += 1; }
-        }}}
-        if bad * 4 > all { eprintln!("BAD {name} track {} frame-origin {:?} size {:?} h {:.0} az {:.2} fill {:.2} known {:.2} bad {bad}/{all} trunc {:.2}", v.track, v.origin, v.camera.size, v.box_height, v.azimuth(), v.fill, v.known, v.truncation); }
-    }
 }

@@ -1,20 +1,19 @@
 //! Part, instance and depth images of vehicle models.
 //!
-//! A z-buffer rasteriser for labels: no shading, no anti-aliasing, one sample at each pixel's centre. What a pixel
-//! shows does not depend on the number of threads: coverage is decided in integers, depth is evaluated at the pixel
-//! and never accumulated, and each pixel sees the triangles in the order of the instances and their faces.
+//! A z-buffer rasteriser for labels: no shading, no anti-aliasing, one sample at each pixel's centre. A picture is drawn
+//! by one thread, so it never depends on their number; many pictures are drawn in parallel, each with a
+//! [`LabelRenderer`] of its own. (Bands of one picture for several threads were tried: with triangles of a pixel or
+//! two each band repeats most of the work, and two threads were no faster than one.)
 
 mod clip;
 mod project;
 mod raster;
 
-use rayon::prelude::*;
-
 use crate::geometry::{Camera, Pose, Vector3};
 use crate::vehicle::Mesh;
 
 use project::{Projection, ScreenVertex};
-use raster::Band;
+use raster::Target;
 
 /// Nearest depth that is drawn, in metres; what is nearer is cut off.
 pub const NEAR: f64 = 0.05;
@@ -46,19 +45,11 @@ pub struct LabelImage {
 }
 
 /// How to draw; none of it changes the picture of closed meshes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RenderOptions {
     /// Leaves out faces that are seen from behind. Faster, and the same picture where meshes are closed, oriented
     /// outwards and not cut by the near plane.
     pub cull_back_faces: bool,
-    /// Horizontal bands that are drawn in parallel; each goes through all faces, so more than a few do not pay.
-    pub bands: usize,
-}
-
-impl Default for RenderOptions {
-    fn default() -> Self {
-        Self { cull_back_faces: false, bands: 1 }
-    }
 }
 
 /// Draws the instances; of two equally deep surfaces the one drawn first stays.
@@ -72,7 +63,7 @@ pub fn render_labels(camera: &Camera, instances: &[Instance]) -> LabelImage {
 #[derive(Clone, Debug, Default)]
 pub struct LabelRenderer {
     image: LabelImage,
-    vertices: Vec<Vec<ScreenVertex>>,
+    vertices: Vec<ScreenVertex>,
 }
 
 impl LabelRenderer {
@@ -85,7 +76,7 @@ impl LabelRenderer {
     ) -> &LabelImage {
         self.clear(camera.size);
         if !self.image.parts.is_empty() {
-            self.draw(camera, instances, options);
+            self.draw(camera, instances, *options);
         }
         &self.image
     }
@@ -104,57 +95,22 @@ impl LabelRenderer {
         refill(&mut self.image.depths, count, 0.0);
     }
 
-    fn draw(&mut self, camera: &Camera, instances: &[Instance], options: &RenderOptions) {
-        let [width, height] = camera.size.map(|side| side as usize);
-        let rows = height.div_ceil(options.bands.max(1)).max(1);
-        let cells = rows * width;
+    fn draw(&mut self, camera: &Camera, instances: &[Instance], options: RenderOptions) {
         let image = &mut self.image;
-        if rows >= height {
-            self.vertices.resize_with(1, Vec::new);
-            let vertices = &mut self.vertices[0];
-            let mut band = Band {
-                first_row: 0,
-                width,
-                parts: &mut image.parts,
-                instances: &mut image.instances,
-                inverse_depths: &mut image.depths,
-            };
-            for instance in instances {
-                let projection = Projection::new(camera, instance);
-                projection.project(&instance.mesh.vertices, vertices);
-                raster::draw_instance(&mut band, instance, &projection, vertices, options);
-            }
-            band.finish();
-            return;
+        let mut target = Target {
+            size: camera.size.map(|side| side as usize),
+            parts: &mut image.parts,
+            instances: &mut image.instances,
+            inverse_depths: &mut image.depths,
+        };
+        for instance in instances {
+            let projection = Projection::new(camera, instance);
+            projection.project(&instance.mesh.vertices, &mut self.vertices);
+            raster::draw_instance(&mut target, instance, &projection, &self.vertices, options);
         }
-        self.vertices.resize_with(instances.len().max(self.vertices.len()), Vec::new);
-        let projections: Vec<Projection> = self
-            .vertices
-            .par_iter_mut()
-            .zip(instances)
-            .map(|(vertices, instance)| {
-                let projection = Projection::new(camera, instance);
-                projection.project(&instance.mesh.vertices, vertices);
-                projection
-            })
-            .collect();
-        let vertices = &self.vertices;
-        image
-            .parts
-            .par_chunks_mut(cells)
-            .zip(image.instances.par_chunks_mut(cells))
-            .zip(image.depths.par_chunks_mut(cells))
-            .enumerate()
-            .for_each(|(i, ((parts, ids), inverse_depths))| {
-                let first_row = i * rows;
-                let mut band = Band { first_row, width, parts, instances: ids, inverse_depths };
-                for ((instance, projection), vertices) in
-                    instances.iter().zip(&projections).zip(vertices)
-                {
-                    raster::draw_instance(&mut band, instance, projection, vertices, options);
-                }
-                band.finish();
-            });
+        for value in &mut image.depths {
+            *value = 1.0 / *value;
+        }
     }
 }
 

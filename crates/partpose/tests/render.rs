@@ -6,6 +6,7 @@ use partpose::parts::PartClass;
 use partpose::render::{Instance, LabelImage, LabelRenderer, NEAR, RenderOptions, render_labels};
 use partpose::vehicle::Mesh;
 use proptest::prelude::*;
+use rayon::prelude::*;
 
 /// Vertices are rounded to 1/256 px, so an edge moves by at most 0.0028 px; samples nearer than this to a projected
 /// edge may fall on either side.
@@ -274,18 +275,26 @@ proptest! {
     }
 
     #[test]
-    fn bands_do_not_change_the_picture(mesh in any_soup(-1.0..6.0, 40), pose in any_pose()) {
+    fn reused_renderer_on_any_number_of_threads_draws_the_same(
+        mesh in any_soup(-1.0..6.0, 40),
+        poses in prop::collection::vec(any_pose(), 6),
+    ) {
         let cube = cube(4);
-        let cube = Instance { camera_from_vehicle: pose, id: 3, ..at_origin(&cube) };
-        let instances = [at_origin(&mesh), cube, Instance { id: 9, ..at_origin(&mesh) }];
-        let one = render_labels(&CAMERA, &instances);
-        for bands in [2, 3, 5, 8, 24, 100] {
-            for threads in [1, 3] {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                let mut renderer = LabelRenderer::default();
-                let options = RenderOptions { bands, ..RenderOptions::default() };
-                let many = pool.install(|| renderer.render(&CAMERA, &instances, &options));
-                prop_assert_eq!(bits(&one), bits(many));
+        let instances = |pose: &Pose| {
+            [at_origin(&mesh), Instance { camera_from_vehicle: *pose, id: 3, ..at_origin(&cube) }]
+        };
+        let alone: Vec<LabelImage> =
+            poses.iter().map(|pose| render_labels(&CAMERA, &instances(pose))).collect();
+        for threads in [1, 2, 3, 8] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let draw = |renderer: &mut LabelRenderer, pose: &Pose| {
+                renderer.render(&CAMERA, &instances(pose), &RenderOptions::default()).clone()
+            };
+            let together: Vec<LabelImage> = pool.install(|| {
+                poses.par_iter().map_init(LabelRenderer::default, draw).collect()
+            });
+            for (one, other) in alone.iter().zip(&together) {
+                prop_assert_eq!(bits(one), bits(other));
             }
         }
     }
@@ -297,7 +306,7 @@ proptest! {
         let instance = Instance { scale, camera_from_vehicle: pose, ..at_origin(&mesh) };
         prop_assume!(pose.translation.z > 3.0);
         let mut renderer = LabelRenderer::default();
-        let culled = RenderOptions { cull_back_faces: true, ..RenderOptions::default() };
+        let culled = RenderOptions { cull_back_faces: true };
         let culled = renderer.render(&CAMERA, &[instance], &culled);
         // At the outline a sample on the shared edge belongs to either face, and both lie equally deep.
         let all = render_labels(&CAMERA, &[instance]);
@@ -382,7 +391,7 @@ fn outward_face_is_one_that_runs_counter_clockwise_seen_from_outside() {
     };
     let drawn = |mesh: &Mesh, cull_back_faces| {
         let mut renderer = LabelRenderer::default();
-        let options = RenderOptions { cull_back_faces, ..RenderOptions::default() };
+        let options = RenderOptions { cull_back_faces };
         let image = renderer.render(&CAMERA, &[at_origin(mesh)], &options);
         image.parts.iter().filter(|part| **part != 0).count()
     };

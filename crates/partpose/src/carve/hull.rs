@@ -83,9 +83,9 @@ struct Direction {
 
 impl Direction {
     /// 1 where the voxel is just outside.
-    fn score(&self) -> f32 {
+    fn score(&self, least: f32) -> f32 {
         if self.all > 0.0 {
-            (self.against / self.all / SHARE).min(self.against / LEAST)
+            (self.against / self.all / SHARE).min(self.against / least)
         } else {
             0.0
         }
@@ -94,8 +94,6 @@ impl Direction {
 
 /// The share of a direction's tracks that must see background.
 const SHARE: f32 = 0.5;
-/// What they must amount to: half a track of full resolution.
-const LEAST: f32 = 0.5;
 /// Directions around the vehicle.
 const DIRECTIONS: f64 = 24.0;
 
@@ -104,6 +102,8 @@ const DIRECTIONS: f64 = 24.0;
 pub(super) struct VoteOptions {
     /// Pixels outside the silhouette from which a voxel counts at all.
     pub(super) tolerance: f32,
+    /// What a direction's votes for background must amount to, in tracks of full resolution.
+    pub(super) least: f32,
     /// Box height, pixels, from which a view counts in full.
     pub(super) full_height: f64,
 }
@@ -153,7 +153,10 @@ pub(super) fn votes(
                     sum.all += tally.most;
                 }
             }
-            scores.iter_mut().zip(&sums).for_each(|(score, sum)| *score = score.max(sum.score()));
+            scores
+                .iter_mut()
+                .zip(&sums)
+                .for_each(|(score, sum)| *score = score.max(sum.score(options.least)));
         }
     });
     scores

@@ -9,36 +9,22 @@ use super::clip::clip;
 use super::project::{GUARD, OUTSIDE, Projection, STEP_BITS, STEPS, ScreenVertex, TO_CLIP};
 use super::{Instance, RenderOptions};
 
-/// Widest triangle, in samples, whose samples are tested one by one; wider ones have their spans computed.
+/// Widest bounding box, in samples, whose spans are found by trying; in wider ones they are computed.
 const NARROW: i64 = 12;
 
+/// Sides of a bounding box, in samples, below which every sample in it is tried.
+const SMALL: i64 = 4;
 /// Largest coordinate, in steps.
 const GUARD_STEPS: i32 = (GUARD as i32) << STEP_BITS;
 
-/// Rows of the image, drawn by one thread.
-pub(super) struct Band<'a> {
-    /// Row of the image that the buffers start with.
-    pub(super) first_row: usize,
-    /// Pixels in a row.
-    pub(super) width: usize,
+/// The buffers that are drawn into.
+pub(super) struct Target<'a> {
+    /// Columns and rows.
+    pub(super) size: [usize; 2],
     pub(super) parts: &'a mut [u8],
     pub(super) instances: &'a mut [u16],
-    /// 1 / z until [`Band::finish`], z afterwards.
+    /// 1 / z, 0 where nothing is.
     pub(super) inverse_depths: &'a mut [f32],
-}
-
-impl Band<'_> {
-    /// Turns 1 / z into z.
-    pub(super) fn finish(&mut self) {
-        for value in &mut *self.inverse_depths {
-            *value = 1.0 / *value;
-        }
-    }
-
-    fn rows(&self) -> std::ops::Range<i64> {
-        let first = self.first_row as i64;
-        first..first + (self.parts.len() / self.width) as i64
-    }
 }
 
 /// Which triangles are drawn, by the sign of their area on the screen.
@@ -56,13 +42,13 @@ struct Label {
     instance: u16,
 }
 
-/// Draws the rows of a band; `vertices` are those of the instance's mesh.
+/// Draws an instance; `vertices` are those of the instance's mesh.
 pub(super) fn draw_instance(
-    band: &mut Band,
+    target: &mut Target,
     instance: &Instance,
     projection: &Projection,
     vertices: &[ScreenVertex],
-    options: &RenderOptions,
+    options: RenderOptions,
 ) {
     // Seen from outside a face runs counter-clockwise, which is a negative area where y points down.
     let facing = match (options.cull_back_faces, projection.mirrored) {
@@ -79,12 +65,12 @@ pub(super) fn draw_instance(
         }
         let label = Label { part: part.id(), instance: instance.id };
         if (a.code | b.code | c.code) & TO_CLIP == 0 {
-            draw_triangle(band, [a, b, c], label, facing);
+            draw_triangle(target, [a, b, c], label, facing);
         } else {
             let vertex =
                 |index: u32| projection.homogeneous(&instance.mesh.vertices[index as usize]);
             let polygon = clip(face.map(vertex));
-            draw_polygon(band, projection, polygon.corners(), label, facing);
+            draw_polygon(target, projection, polygon.corners(), label, facing);
         }
     }
 }
@@ -92,7 +78,7 @@ pub(super) fn draw_instance(
 /// Draws a convex polygon as a fan.
 #[cold]
 fn draw_polygon(
-    band: &mut Band,
+    target: &mut Target,
     projection: &Projection,
     corners: &[nalgebra::Vector3<f64>],
     label: Label,
@@ -107,13 +93,13 @@ fn draw_polygon(
     });
     let (Some(first), Some(mut last)) = (corners.next(), corners.next()) else { return };
     for next in corners {
-        draw_triangle(band, [&first, &last, &next], label, facing);
+        draw_triangle(target, [&first, &last, &next], label, facing);
         last = next;
     }
 }
 
 #[inline]
-fn draw_triangle(band: &mut Band, corners: [&ScreenVertex; 3], label: Label, facing: Facing) {
+fn draw_triangle(target: &mut Target, corners: [&ScreenVertex; 3], label: Label, facing: Facing) {
     let [a, mut b, mut c] = corners;
     let area = cross(a, b, c);
     match facing {
@@ -121,31 +107,103 @@ fn draw_triangle(band: &mut Band, corners: [&ScreenVertex; 3], label: Label, fac
         Facing::Positive if area < 0 => return,
         _ => {}
     }
-    // The samples within the bounding box.
-    let rows = band.rows();
-    let x0 = first_sample(a.x.min(b.x).min(c.x)).max(0);
-    let x1 = last_sample(a.x.max(b.x).max(c.x)).min(band.width as i64 - 1);
-    let y0 = first_sample(a.y.min(b.y).min(c.y)).max(rows.start);
-    let y1 = last_sample(a.y.max(b.y).max(c.y)).min(rows.end - 1);
-    if x0 > x1 || y0 > y1 || area == 0 {
+    let samples = Samples {
+        x0: first_sample(a.x.min(b.x).min(c.x)).max(0),
+        x1: last_sample(a.x.max(b.x).max(c.x)).min(target.size[0] as i64 - 1),
+        y0: first_sample(a.y.min(b.y).min(c.y)).max(0),
+        y1: last_sample(a.y.max(b.y).max(c.y)).min(target.size[1] as i64 - 1),
+    };
+    if samples.x0 > samples.x1 || samples.y0 > samples.y1 || area == 0 {
         return;
     }
     if area < 0 {
         std::mem::swap(&mut b, &mut c);
     }
-    let edges = [Edge::new(b, c, x0, y0), Edge::new(c, a, x0, y0), Edge::new(a, b, x0, y0)];
-    let depth = InverseDepth::new([a, b, c], area.abs());
-    let mut rows = edges.map(|edge| edge.start);
-    for y in y0..=y1 {
-        let (from, to) = if x1 - x0 < NARROW {
-            narrow_span(rows, &edges, x0, x1)
+    let triangle = Triangle { corners: [a, b, c], area: area.abs(), label };
+    if samples.x1 - samples.x0 < SMALL && samples.y1 - samples.y0 < SMALL {
+        draw_small(target, &triangle, &samples);
+    } else {
+        draw_spans(target, &triangle, &samples);
+    }
+}
+
+/// Samples of the bounding box that lie in the image, ends included.
+struct Samples {
+    x0: i64,
+    x1: i64,
+    y0: i64,
+    y1: i64,
+}
+
+/// A triangle whose corners turn clockwise as seen on the screen.
+struct Triangle<'a> {
+    corners: [&'a ScreenVertex; 3],
+    /// Twice the area, in steps squared.
+    area: i64,
+    label: Label,
+}
+
+impl Triangle<'_> {
+    /// Its edges, starting at the first sample of the bounding box.
+    fn edges(&self, samples: &Samples) -> [Edge; 3] {
+        let [a, b, c] = self.corners;
+        [[b, c], [c, a], [a, b]].map(|[from, to]| Edge::new(from, to, samples.x0, samples.y0))
+    }
+
+    /// That of the nearest corner.
+    fn greatest_inverse_depth(&self) -> f32 {
+        let [a, b, c] = self.corners.map(|corner| corner.inverse_depth);
+        a.max(b).max(c)
+    }
+}
+
+/// Tries sample by sample: of a fine mesh far away most triangles have one or two in their bounding box, and as often
+/// as not cover none, or lie behind what is drawn already. The slopes are computed when a sample needs them.
+#[inline]
+fn draw_small(target: &mut Target, triangle: &Triangle, samples: &Samples) {
+    let edges = triangle.edges(samples);
+    let greatest = triangle.greatest_inverse_depth();
+    let mut depth = None;
+    let mut row_values = edges.map(|edge| edge.start);
+    for y in samples.y0..=samples.y1 {
+        let row = y as usize * target.size[0];
+        let mut values = row_values;
+        for x in samples.x0..=samples.x1 {
+            let i = row + x as usize;
+            if (values[0] | values[1] | values[2]) >= 0 && greatest > target.inverse_depths[i] {
+                let depth = depth.get_or_insert_with(|| InverseDepth::new(triangle));
+                let value = depth.along(depth.of_row(y), depth.offset(x));
+                if value > target.inverse_depths[i] {
+                    target.inverse_depths[i] = value;
+                    target.parts[i] = triangle.label.part;
+                    target.instances[i] = triangle.label.instance;
+                }
+            }
+            for (value, edge) in values.iter_mut().zip(&edges) {
+                *value += edge.right;
+            }
+        }
+        for (value, edge) in row_values.iter_mut().zip(&edges) {
+            *value += edge.down;
+        }
+    }
+}
+
+/// Solves for the covered samples of each row and sets them at once.
+fn draw_spans(target: &mut Target, triangle: &Triangle, samples: &Samples) {
+    let edges = triangle.edges(samples);
+    let depth = InverseDepth::new(triangle);
+    let mut values = edges.map(|edge| edge.start);
+    for y in samples.y0..=samples.y1 {
+        let (from, to) = if samples.x1 - samples.x0 < NARROW {
+            narrow_span(values, &edges, samples.x0, samples.x1)
         } else {
-            wide_span(rows, &edges, x0, x1)
+            wide_span(values, &edges, samples.x0, samples.x1)
         };
         if from <= to {
-            fill(band, y, from, to, &depth, label);
+            fill(target, y, from, to, &depth, triangle.label);
         }
-        for (value, edge) in rows.iter_mut().zip(&edges) {
+        for (value, edge) in values.iter_mut().zip(&edges) {
             *value += edge.down;
         }
     }
@@ -236,10 +294,11 @@ struct InverseDepth {
 }
 
 impl InverseDepth {
-    fn new([a, b, c]: [&ScreenVertex; 3], area: i64) -> Self {
+    fn new(triangle: &Triangle) -> Self {
+        let [a, b, c] = triangle.corners;
         let [wa, wb, wc] = [a, b, c].map(|vertex| f64::from(vertex.inverse_depth));
         let delta = |from: i32, to: i32| f64::from(to) - f64::from(from);
-        let scale = 1.0 / area as f64;
+        let scale = 1.0 / triangle.area as f64;
         let (ab, ac) = ((wb - wa) * scale, (wc - wa) * scale);
         Self {
             at_corner: wa,
@@ -251,26 +310,38 @@ impl InverseDepth {
             range: [wa.min(wb).min(wc), wa.max(wb).max(wc)],
         }
     }
+
+    /// Its value in a row, left or right of the first corner.
+    fn of_row(&self, y: i64) -> f64 {
+        self.at_corner + self.slope[1] * (y * STEPS - self.corner[1]) as f64
+    }
+
+    /// How far right of the first corner a sample lies: an integer, hence exact however it was come by.
+    fn offset(&self, x: i64) -> f64 {
+        (x * STEPS - self.corner[0]) as f64
+    }
+
+    fn along(&self, of_row: f64, offset: f64) -> f32 {
+        (of_row + self.slope[0] * offset).max(self.range[0]).min(self.range[1]) as f32
+    }
 }
 
 /// Sets the samples `from..=to` of a row where nothing nearer is.
-fn fill(band: &mut Band, y: i64, from: i64, to: i64, depth: &InverseDepth, label: Label) {
-    let row = (y as usize - band.first_row) * band.width;
+fn fill(target: &mut Target, y: i64, from: i64, to: i64, depth: &InverseDepth, label: Label) {
+    let row = y as usize * target.size[0];
     let span = row + from as usize..row + to as usize + 1;
-    let start = depth.at_corner + depth.slope[1] * (y * STEPS - depth.corner[1]) as f64;
-    // Exact integers: the sum does not depend on where the span starts.
-    let mut dx = (from * STEPS - depth.corner[0]) as f64;
-    let nearest = &mut band.inverse_depths[span.clone()];
-    let parts = &mut band.parts[span.clone()];
-    let instances = &mut band.instances[span];
+    let of_row = depth.of_row(y);
+    let mut offset = depth.offset(from);
+    let nearest = &mut target.inverse_depths[span.clone()];
+    let parts = &mut target.parts[span.clone()];
+    let instances = &mut target.instances[span];
     for ((nearest, part), instance) in nearest.iter_mut().zip(parts).zip(instances) {
-        let value = start + depth.slope[0] * dx;
-        let value = value.max(depth.range[0]).min(depth.range[1]) as f32;
+        let value = depth.along(of_row, offset);
         if value > *nearest {
             *nearest = value;
             *part = label.part;
             *instance = label.instance;
         }
-        dx += STEPS as f64;
+        offset += STEPS as f64;
     }
 }

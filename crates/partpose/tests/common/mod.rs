@@ -112,7 +112,7 @@ fn part(cube: &Vector3, outward: &Vector3) -> PartClass {
         _ if wheel(0.62) => pick(P::WheelFrontLeft, P::WheelFrontRight),
         _ if wheel(-0.6) => pick(P::WheelRearLeft, P::WheelRearRight),
         (h, z) if h > 0.66 && h < 0.94 => match z {
-            z if z > 0.85 || z < -0.9 || z.abs() < 0.05 => pick(P::SideLeft, P::SideRight),
+            z if !(-0.9..=0.85).contains(&z) || z.abs() < 0.05 => pick(P::SideLeft, P::SideRight),
             z if z > 0.0 => pick(P::GlassFrontLeft, P::GlassFrontRight),
             z if z > -0.65 => pick(P::GlassRearLeft, P::GlassRearRight),
             _ => pick(P::GlassCornerLeft, P::GlassCornerRight),
