@@ -2,6 +2,8 @@
 
 mod camera;
 mod commands;
+mod pose_flags;
+mod progress;
 mod report;
 
 use std::process::ExitCode;
