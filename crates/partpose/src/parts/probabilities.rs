@@ -98,6 +98,7 @@ impl PartProbabilities {
     /// The same grid where the share `unknown` of each cell is counted as background, as the masks of the paper do.
     ///
     /// `unknown`: `[m, m]` in `[0, 1]`.
+    #[must_use]
     pub fn with_unknown_as_background(&self, unknown: &[f32]) -> Self {
         let cells = self.size * self.size;
         let mut values = self.values.clone();
