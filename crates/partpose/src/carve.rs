@@ -15,6 +15,7 @@ mod half;
 mod hull;
 mod labels;
 mod occluders;
+mod simplify;
 mod surface;
 mod view;
 
@@ -226,7 +227,8 @@ pub fn carve_models(
         drawn.iter().map(|(name, mesh, e)| (name.as_str(), mesh, *e)).collect();
     for ((name, views), shape) in names.iter().zip(&mut views).zip(shapes) {
         let Some(shape) = shape else { continue };
-        match finish(name, views, shape, &others, options, observer) {
+        let category = category_of(frames, name);
+        match finish((name, &category), views, shape, &others, options, observer) {
             Ok(model) => carved.models.push(model),
             Err(skipped) => carved.skipped.push(skipped),
         }
@@ -247,6 +249,13 @@ fn model_names(frames: &[Frame], asked: Option<&[String]>) -> Result<Vec<String>
         Some(name) => Err(CarveError::UnknownModel { name: name.clone(), known }),
         None => Ok(asked.to_vec()),
     }
+}
+
+/// The category of the first vehicle that shows a model.
+fn category_of(frames: &[Frame], name: &str) -> String {
+    let mut vehicles = frames.iter().flat_map(|frame| &frame.vehicles);
+    let shown = vehicles.find(|vehicle| vehicle.model.as_deref() == Some(name));
+    shown.map_or_else(String::new, |vehicle| vehicle.category.clone())
 }
 
 /// The rows to use, sorted by model, track and frame.
@@ -356,6 +365,12 @@ fn median_extent(views: &[View]) -> Extent {
     Extent::new(median(|e| e.width), median(|e| e.height), median(|e| e.length))
 }
 
+/// Faces of the half whose outlines are fitted.
+const FIT_FACES: usize = 10_000;
+
+/// Least share of the cuboid's pixels that show parts if nothing is in front.
+const MIN_FILL: f64 = 0.5;
+
 /// Least share of the cuboid's pixels of which a view must know something.
 const MIN_KNOWN: f64 = 0.3;
 
@@ -369,7 +384,7 @@ fn first_shape(
     observer(Progress::Carving { model: name.to_owned(), step: "first hull" });
     let extent = median_extent(views);
     let clean = clean_views(views);
-    let half = hull_surface(&extent, &clean, options, 0.10)?;
+    let half = hull_surface(&extent, &clean, options, 2, 1.2)?;
     Some(Shape { half, extent })
 }
 
@@ -378,7 +393,7 @@ fn clean_views(views: &[View]) -> Vec<&View> {
     const BINS: usize = 9;
     const SLACK: f64 = 0.06;
     let bin = |view: &View| {
-        ((view.azimuth() / std::f64::consts::PI * BINS as f64) as usize).min(BINS - 1)
+        ((view.azimuth().abs() / std::f64::consts::PI * BINS as f64) as usize).min(BINS - 1)
     };
     let mut fills: Vec<Vec<f64>> = vec![Vec::new(); BINS];
     for view in views.iter().filter(|view| view.known >= MIN_KNOWN) {
@@ -393,7 +408,8 @@ fn clean_views(views: &[View]) -> Vec<&View> {
         .collect();
     views
         .iter()
-        .filter(|view| view.known >= MIN_KNOWN && view.fill >= usual[bin(view)] - SLACK)
+        .filter(|view| view.known >= MIN_KNOWN)
+        .filter(|view| view.fill >= MIN_FILL.max(usual[bin(view)] - SLACK))
         .collect()
 }
 
@@ -401,14 +417,14 @@ fn hull_surface(
     extent: &Extent,
     views: &[&View],
     options: &CarveOptions,
-    share: f32,
+    coarseness: usize,
+    least: f32,
 ) -> Option<half::HalfMesh> {
-    let grid = Grid::over(extent, options.voxels, [0.08, 0.04, 0.04]);
-    let mut vote = VoteOptions { tolerance: 0.3, full_height: 60.0, enough: 0.0 };
-    let needed = (share * hull::all_votes(views, &vote)).max(1.0);
-    vote.enough = 2.0 * needed;
-    let sums = hull::votes(&grid, extent, views, &vote);
-    let mut field: Vec<f32> = sums.iter().map(|sum| 1.0 - 0.5 * (sum / needed).min(2.0)).collect();
+    let voxels = options.voxels.map(|n| n.div_ceil(coarseness));
+    let grid = Grid::over(extent, voxels, [0.08, 0.04, 0.04]);
+    let vote = VoteOptions { tolerance: 0.3, full_height: 60.0, least };
+    let scores = hull::votes(&grid, extent, views, &vote);
+    let mut field: Vec<f32> = scores.iter().map(|score| 1.0 - 0.5 * score.min(2.0)).collect();
     surface::keep_largest(&grid, &mut field, 0.5);
     surface::blur(&grid, &mut field, 1);
     surface::keep_largest(&grid, &mut field, 0.5);
@@ -416,9 +432,17 @@ fn hull_surface(
     (!half.faces.is_empty()).then_some(half)
 }
 
+/// The body style that a mesh name speaks of; `other` where it speaks of none.
+pub fn body_style(name: &str) -> &'static str {
+    const STYLES: [&str; 8] =
+        ["hatchback", "sedan", "suv", "wagon", "coupe", "van", "pickup", "truck"];
+    let name = name.to_lowercase();
+    STYLES.into_iter().find(|style| name.contains(style)).unwrap_or("other")
+}
+
 /// Occluders, second hull, outlines, labels.
 fn finish(
-    name: &str,
+    (name, category): (&str, &str),
     views: &mut [View],
     first: Shape,
     others: &[(&str, &Mesh, Extent)],
@@ -428,7 +452,7 @@ fn finish(
     let mut tell = |step| observer(Progress::Carving { model: name.to_owned(), step });
     let extent = first.extent;
     let mut half = first.half;
-    for (depth, least, share) in [(0.12, 4.0, 0.05), (0.07, 3.0, 0.03)] {
+    for (depth, least, coarseness) in [(0.12, 4.0, 2), (0.07, 3.0, 1)] {
         tell("occluders");
         let mesh = half.mirrored(&[]);
         let hidden: Vec<f64> = views
@@ -446,10 +470,11 @@ fn finish(
             .map(|(view, _)| view)
             .collect();
         tell("hull");
-        half = hull_surface(&extent, &usable, options, share)
+        half = hull_surface(&extent, &usable, options, coarseness, 0.6)
             .ok_or_else(|| Skipped::Empty { name: name.to_owned(), views: usable.len() })?;
     }
     tell("outlines");
+    half = simplify::simplify(&half, &[], FIT_FACES).0;
     let mesh = half.mirrored(&[]);
     let hidden: Vec<f64> = views
         .par_iter_mut()
@@ -465,14 +490,24 @@ fn finish(
         .filter(|(view, hidden)| view.known >= 0.15 && **hidden < 0.4)
         .map(|(view, _)| view)
         .collect();
-    let contour = ContourOptions { rounds: 8, reach: 0.08, stiffness: 1.0, unit_resolution: 40.0 };
+    let contour = ContourOptions {
+        rounds: 10,
+        reach: 0.08,
+        stiffness: 1.0,
+        membrane_rounds: 6,
+        membrane_weight: 2.0,
+        unit_resolution: 40.0,
+    };
     let outline_error = contour::fit(&mut half, &usable, &extent, &contour);
     tell("labels");
+    let (half, _) = simplify::subdivide(&half, &[]);
     let votes = labels::votes(&half, &usable, &extent);
     let labels = labels::labels(&half, &votes, 10, 0.6);
+    tell("simplify");
+    let (half, labels) = simplify::simplify(&half, &labels, options.max_faces / 2);
     let mesh = half.mirrored(&labels);
     let tracks = usable.chunk_by(|a, b| a.track == b.track).count();
-    let model = VehicleModel::new(name, "Car", &name.to_lowercase(), extent, mesh)
+    let model = VehicleModel::new(name, category, body_style(name), extent, mesh)
         .map_err(|source| Skipped::Model { name: name.to_owned(), source })?;
     Ok(CarvedModel { model, tracks, views: usable.len(), outline_error })
 }

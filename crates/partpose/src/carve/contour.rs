@@ -26,6 +26,10 @@ pub(super) struct ContourOptions {
     pub(super) reach: f64,
     /// Weight of the neighbourhood against one measurement at [`Self::unit_resolution`].
     pub(super) stiffness: f64,
+    /// Steps of the membrane a round.
+    pub(super) membrane_rounds: usize,
+    /// Weight of measurements at which the membrane has half its strength.
+    pub(super) membrane_weight: f64,
     /// Pixels a metre of a view of weight one.
     pub(super) unit_resolution: f64,
 }
@@ -201,9 +205,34 @@ pub(super) fn fit(
                 vertex.x = vertex.x.max(1e-4);
             }
         }
+        tighten(half, &near, &targets, options);
         smooth(half, &near, 0.15);
     }
     history
+}
+
+/// Draws vertices of which no outline says anything to the mean of their neighbours, like a membrane over the frame of
+/// the known ones: a hull bulges where no view looks along it.
+fn tighten(
+    half: &mut HalfMesh,
+    near: &[Vec<u32>],
+    targets: &[(f64, f64)],
+    options: &ContourOptions,
+) {
+    for _ in 0..options.membrane_rounds {
+        let last = half.vertices.clone();
+        for (n, list) in near.iter().enumerate().filter(|(_, list)| !list.is_empty()) {
+            let slack = 0.5 / (1.0 + targets[n].1 / options.membrane_weight);
+            let sum = list
+                .iter()
+                .fold(nalgebra::Vector3::zeros(), |sum, m| sum + last[*m as usize].coords);
+            let mut pull = sum / list.len() as f64 - last[n].coords;
+            if half.on_plane[n] {
+                pull.x = 0.0;
+            }
+            half.vertices[n] += pull * slack;
+        }
+    }
 }
 
 /// Weighted median, then the weighted mean of what lies near it; with the sum of weights.

@@ -1,10 +1,11 @@
 //! The visual hull as a vote (Laurentini: *The Visual Hull Concept for Silhouette-Based Image Understanding*, PAMI 1994).
 //!
 //! Right of the mirror plane only: every view also counts as its own mirror image. A voxel just outside a side surface
-//! is seen as background only by the few views that look along that surface, so views are counted, not averaged: each
-//! vehicle (track) casts one vote a side, the strongest of its views; an occluder that stays undetected sweeps over
-//! a voxel in one or two tracks, not in all. A view's vote grows with its resolution, and with how far outside the
-//! silhouette the voxel falls.
+//! is seen as background only by the few views that look along that surface, so no share of all views decides: views
+//! are gathered by the direction they look from, and a voxel is outside where from *one* direction most tracks see
+//! background behind it. An occluder that the masks cut out hides a voxel from some tracks of a direction, or in some
+//! frames of a track, not in most. A view's vote grows with its resolution, and with how far outside the silhouette
+//! the voxel falls.
 
 use rayon::prelude::*;
 
@@ -62,7 +63,7 @@ struct Voter<'a> {
     quality: f32,
 }
 
-/// What the views of one track say of one voxel.
+/// What the views of one track from one direction say of one voxel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Tally {
     /// Sum of votes for background.
@@ -73,39 +74,44 @@ struct Tally {
     most: f32,
 }
 
-impl Tally {
-    /// The vote of the track.
-    fn vote(&self) -> f32 {
+/// What the tracks of one direction say of one voxel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Direction {
+    against: f32,
+    all: f32,
+}
+
+impl Direction {
+    /// 1 where the voxel is just outside.
+    fn score(&self, least: f32) -> f32 {
         if self.all > 0.0 {
-            (self.against / self.all / FULL_SHARE).min(1.0) * self.most
+            (self.against / self.all / SHARE).min(self.against / least)
         } else {
             0.0
         }
     }
 }
 
-/// The share of a track's views that must see background for a full vote.
-const FULL_SHARE: f32 = 0.25;
+/// The share of a direction's tracks that must see background.
+const SHARE: f32 = 0.5;
+/// Directions around the vehicle.
+const DIRECTIONS: f64 = 24.0;
 
 /// How strongly each voxel is seen as background; see the head of the file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct VoteOptions {
     /// Pixels outside the silhouette from which a voxel counts at all.
     pub(super) tolerance: f32,
+    /// What a direction's votes for background must amount to, in tracks of full resolution.
+    pub(super) least: f32,
     /// Box height, pixels, from which a view counts in full.
     pub(super) full_height: f64,
-    /// Sum of votes at which counting stops.
-    pub(super) enough: f32,
 }
 
-/// The sum of votes that all tracks could cast together.
-pub(super) fn all_votes(views: &[&View], options: &VoteOptions) -> f32 {
-    let tracks = views.chunk_by(|a, b| a.track == b.track);
-    let best = tracks.map(|track| track.iter().map(|view| view.box_height).fold(0.0, f64::max));
-    2.0 * best.map(|height| (height / options.full_height).min(1.0) as f32).sum::<f32>()
-}
+/// Score at which a voxel needs no further voting.
+const ENOUGH: f32 = 2.0;
 
-/// Sum of votes a voxel. `views` are sorted by track.
+/// A score for every voxel: 1 at the surface, more outside, at most about [`ENOUGH`].
 pub(super) fn votes(
     grid: &Grid,
     extent: &Extent,
@@ -120,21 +126,40 @@ pub(super) fn votes(
             Voter { view, edge: EdgeDistance::of(&set, view.size()), quality }
         })
         .collect();
+    let mut ballots: Vec<(i32, usize, f32, &Voter)> = Vec::new();
+    for voter in &voters {
+        for side in [1.0f32, -1.0] {
+            let turn = f64::from(side) * voter.view.azimuth() / std::f64::consts::TAU;
+            ballots.push(((turn * DIRECTIONS).floor() as i32, voter.view.track, side, voter));
+        }
+    }
+    ballots.sort_by_key(|ballot| (ballot.0, ballot.1));
     let layer = grid.size[0] * grid.size[1];
-    let mut sums = vec![0.0f32; grid.len()];
-    sums.par_chunks_mut(layer).enumerate().for_each(|(k, sums)| {
+    let mut scores = vec![0.0f32; grid.len()];
+    scores.par_chunks_mut(layer).enumerate().for_each(|(k, scores)| {
         let mut tallies = vec![Tally::default(); layer];
-        for group in voters.chunk_by(|a, b| a.view.track == b.view.track) {
-            for side in [1.0f32, -1.0] {
+        let mut sums = vec![Direction::default(); layer];
+        for direction in ballots.chunk_by(|a, b| a.0 == b.0) {
+            sums.fill(Direction::default());
+            for track in direction.chunk_by(|a, b| a.1 == b.1) {
                 tallies.fill(Tally::default());
-                for voter in group {
-                    vote(grid, extent, voter, options, side, k, sums, &mut tallies);
+                for (_, _, side, voter) in track {
+                    vote(grid, extent, voter, options, *side, k, scores, &mut tallies);
                 }
-                sums.iter_mut().zip(&tallies).for_each(|(sum, tally)| *sum += tally.vote());
+                for (sum, tally) in
+                    sums.iter_mut().zip(&tallies).filter(|(_, tally)| tally.all > 0.0)
+                {
+                    sum.against += tally.against / tally.all * tally.most;
+                    sum.all += tally.most;
+                }
             }
+            scores
+                .iter_mut()
+                .zip(&sums)
+                .for_each(|(score, sum)| *score = score.max(sum.score(options.least)));
         }
     });
-    sums
+    scores
 }
 
 #[expect(clippy::too_many_arguments, reason = "the inner loop of one caller")]
@@ -145,7 +170,7 @@ fn vote(
     options: &VoteOptions,
     side: f32,
     k: usize,
-    sums: &[f32],
+    scores: &[f32],
     tallies: &mut [Tally],
 ) {
     let rows = voter.view.projection(extent);
@@ -159,7 +184,7 @@ fn vote(
         let (du, dv, dz) = (rows[0][0] * dx, rows[1][0] * dx, rows[2][0] * dx);
         for i in 0..grid.size[0] {
             let n = j * grid.size[0] + i;
-            if sums[n] < options.enough && z > 0.1 {
+            if scores[n] < ENOUGH && z > 0.1 {
                 if let Some(outside) = voter.edge.at(u / z, v / z) {
                     let pixel =
                         (v / z).round() as usize * voter.edge.size[0] + (u / z).round() as usize;

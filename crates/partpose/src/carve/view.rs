@@ -100,11 +100,10 @@ impl View {
         0.5 * (self.camera.focal[0] + self.camera.focal[1]) / center.z
     }
 
-    /// Where the camera stands: azimuth about the vehicle's vertical axis, folded by the mirror symmetry to 0 (ahead) to
-    /// pi (behind).
+    /// Where the camera stands: azimuth about the vehicle's vertical axis, 0 ahead, positive to the right, +-pi behind.
     pub(super) fn azimuth(&self) -> f64 {
         let eye = self.camera_from_vehicle.inverse_transform_point(&Point3::origin());
-        eye.x.abs().atan2(eye.z)
+        eye.x.atan2(eye.z)
     }
 
     /// Draws a mesh given in the coordinates of a model with extent `model` into the window.

@@ -1,13 +1,14 @@
 //! `partpose zoo carve`: builds annotated models from part masks with known poses.
 
-use std::io::IsTerminal;
 use std::path::PathBuf;
 
-use indicatif::{ProgressBar, ProgressStyle};
 use partpose::carve::{CarveOptions, Progress, carve_models};
-use partpose::dataset::Dataset;
+use partpose::dataset::folds::{Fold, Folds};
+use partpose::dataset::{Dataset, Frame, SequenceId};
+use partpose::vehicle::ModelZoo;
 
-use crate::report::{self, Outcome};
+use crate::progress;
+use crate::report::{self, Outcome, hint};
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
@@ -19,7 +20,7 @@ pub(crate) struct Arguments {
     worlds: Vec<String>,
     /// Leave out the tracks of part I of K
     #[arg(long, value_name = "I/K")]
-    fold: Option<String>,
+    fold: Option<Fold>,
     /// Models to carve, separated by commas; all that the rows name, if not given
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     models: Option<Vec<String>>,
@@ -33,64 +34,92 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let dataset = Dataset::open(&arguments.dataset)?;
-    let mut frames = Vec::new();
-    for sequence in dataset.sequences() {
-        if arguments.worlds.contains(&sequence.world) {
-            frames.extend(dataset.frames(sequence)?);
-        }
-    }
-    let bar = progress_bar();
+    let (sequences, frames, complete) = read_frames(&dataset, &arguments.worlds)?;
+    let folds = match arguments.fold {
+        Some(fold) => Some((fold, Folds::of(&dataset, &sequences, fold.count)?)),
+        None => None,
+    };
+    let leave_out = |sequence: &SequenceId, track: u32| {
+        folds.as_ref().is_some_and(|(fold, folds)| folds.contains(*fold, sequence, track))
+    };
+    let bar = progress::bar("masks", 1);
     let mut observe = |progress| match progress {
         Progress::Reading { done, total } => {
             bar.set_length(total as u64);
             bar.set_position(done as u64);
         }
-        Progress::Carving { model, step } => {
-            bar.set_message(format!("{model}: {step}"));
-            eprintln!("{model} {step}")
-        }
+        Progress::Carving { model, step } => bar.set_message(format!("{model}: {step}")),
     };
-    let fold: Option<(u32, u32)> = arguments
-        .fold
-        .as_ref()
-        .and_then(|f| f.split_once('/').map(|(a, b)| (a.parse().unwrap(), b.parse().unwrap())));
-    let leave_out =
-        |_: &partpose::dataset::SequenceId, track: u32| fold.is_some_and(|(i, k)| track % k == i);
     let options = CarveOptions::default();
-    let carved =
-        carve_models(&frames, arguments.models.as_deref(), &leave_out, &options, &mut observe)?;
+    let names = arguments.models.as_deref();
+    let carved = carve_models(&frames, names, &leave_out, &options, &mut observe);
     bar.finish_and_clear();
-    std::fs::create_dir_all(&arguments.out)?;
+    let carved = carved.map_err(|error| hint(error, "see `partpose dataset check`"))?;
+    for skipped in &carved.skipped {
+        report::warn(skipped);
+        if let Some(cause) = std::error::Error::source(skipped) {
+            report::note(format_args!("  caused by: {cause}"));
+        }
+    }
+    if carved.models.is_empty() {
+        anyhow::bail!("no model could be carved");
+    }
+    let mut table = String::from("model\ttracks\tviews\tfaces\twidth\theight\tlength\n");
     for carved in &carved.models {
-        let m = carved.model.mesh();
-        report::note(format_args!(
-            "{} {} tracks {} views {} verts {} faces {:?} {:?}",
+        let extent = carved.model.extent();
+        table += &format!(
+            "{}\t{}\t{}\t{}\t{:.3}\t{:.3}\t{:.3}\n",
             carved.model.name(),
             carved.tracks,
             carved.views,
-            m.vertices.len(),
-            m.faces.len(),
-            carved.model.extent(),
-            carved.outline_error
-        ));
-        let picture = turntable(&carved.model);
-        partpose::files::write_png(
-            &arguments.out.join(format!("{}.png", carved.model.name())),
-            &picture,
-        )?;
+            carved.model.mesh().faces.len(),
+            extent.width,
+            extent.height,
+            extent.length,
+        );
     }
-    for skipped in &carved.skipped {
-        report::warn(skipped);
+    let zoo =
+        ModelZoo { models: carved.models.iter().map(|carved| carved.model.clone()).collect() };
+    zoo.save(&arguments.out).map_err(|error| match error.remedy() {
+        Some(remedy) => hint(error, remedy),
+        None => error.into(),
+    })?;
+    if let Some(folder) = &arguments.report {
+        for model in &zoo.models {
+            let path = folder.join(format!("{}.png", model.name()));
+            partpose::files::write_png(&path, &turntable(model))?;
+        }
     }
-    Ok(if carved.skipped.is_empty() { Outcome::Done } else { Outcome::Skipped })
+    report::data(&table)?;
+    Ok(if carved.skipped.is_empty() && complete { Outcome::Done } else { Outcome::Skipped })
 }
 
-fn progress_bar() -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
+/// The sequences and frames of some worlds, and whether all of their rows could be read.
+fn read_frames(
+    dataset: &Dataset,
+    worlds: &[String],
+) -> anyhow::Result<(Vec<SequenceId>, Vec<Frame>, bool)> {
+    for world in worlds {
+        if !dataset.sequences().iter().any(|sequence| sequence.world == *world) {
+            let mut known: Vec<&str> =
+                dataset.sequences().iter().map(|id| id.world.as_str()).collect();
+            known.dedup();
+            let error = anyhow::anyhow!("`{}` has no world `{world}`", dataset.root().display());
+            return Err(hint(error, format!("it has {}", known.join(", "))));
+        }
     }
-    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {wide_msg}");
-    ProgressBar::new(1).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+    let chosen = dataset.sequences().iter().filter(|sequence| worlds.contains(&sequence.world));
+    let sequences: Vec<SequenceId> = chosen.cloned().collect();
+    let (mut frames, mut complete) = (Vec::new(), true);
+    for sequence in &sequences {
+        let read = dataset.read(sequence)?;
+        for problem in &read.problems {
+            report::warn(problem);
+        }
+        complete &= read.problems.is_empty();
+        frames.extend(read.frames);
+    }
+    Ok((sequences, frames, complete))
 }
 
 fn turntable(model: &partpose::vehicle::VehicleModel) -> partpose::files::RgbImage {
