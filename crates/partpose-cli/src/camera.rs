@@ -2,8 +2,6 @@
 //!
 //! TOML is read here and not in the library, which knows no configuration format.
 
-#![cfg_attr(not(test), expect(dead_code, reason = "for `fit`, which is still to be written"))]
-
 use std::path::Path;
 
 use partpose::dataset::{Dataset, KittiCalibration};

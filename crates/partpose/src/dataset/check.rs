@@ -123,6 +123,8 @@ pub fn check(
             Err(error) => report.problems.push(hopeless(dataset, id, error)),
         }
     }
+    // What concerns whole files explains what follows on their lines.
+    report.problems.sort_by_key(|problem| problem.line.is_some());
     report.missing = archives::missing(dataset.layout(), &report.sequences);
     report
 }
@@ -139,6 +141,7 @@ fn check_sequence(
     let (archives, found) = archives::check(dataset.layout(), read, options.masks);
     report.problems.extend(found);
     report.problems.extend(inconstant_tracks(dataset, read));
+    report.problems.extend(turned_edges(dataset, id, read));
     let (reprojection, found, omitted) = reprojection::check(dataset, read, options.worst);
     report.problems.extend(found);
     report.problems_omitted += omitted;
@@ -185,6 +188,27 @@ fn models(read: &SequenceFrames) -> Vec<ModelReport> {
         ModelReport { category, model, tracks: tracks.len(), ..counts }
     };
     found.into_iter().map(report).collect()
+}
+
+/// A finding where most rows have left beyond right: the columns of the other release, or corners and size.
+fn turned_edges(dataset: &Dataset, id: &SequenceId, read: &SequenceFrames) -> Option<Problem> {
+    /// Fewer rows prove nothing.
+    const MIN_ROWS: usize = 4;
+    let turned = |problem: &&Problem| matches!(problem.fault, Fault::SwappedEdges { .. });
+    let turned = read.problems.iter().filter(turned).count();
+    let good: usize = read.frames.iter().map(|frame| frame.vehicles.len()).sum();
+    if turned < MIN_ROWS || turned < good {
+        return None;
+    }
+    let order = match dataset.layout() {
+        Layout::VirtualKitti1 => "`l t r b`",
+        Layout::VirtualKitti2 => "`left right top bottom`",
+        Layout::Kitti => "`x1 y1 x2 y2`",
+    };
+    let finding =
+        format!("{turned} rows have edges beyond each other: the order should be {order}");
+    let path = dataset.label_file(id, 0);
+    Some(Problem::of_file(&path, None, Fault::Contradiction { finding }))
 }
 
 /// Tracks that change size, model or colour: rows of different vehicles, or a cut last word.

@@ -96,6 +96,23 @@ fn exchanged_angles_are_recognised() {
 }
 
 #[test]
+fn edges_in_the_order_of_the_second_release_are_recognised() {
+    let rows: String = VEHICLES
+        .iter()
+        .flat_map(|vehicle| (0..4).map(move |frame| vehicle.motgt(frame, frame)))
+        .map(|row| {
+            let mut fields: Vec<&str> = row.split(' ').collect();
+            fields.swap(7, 8);
+            fields.join(" ")
+        })
+        .collect();
+    let (_folder, root) = vkitti1(&rows);
+    let problems = problems(&root);
+    let expected = "rows have edges beyond each other: the order should be `l t r b`";
+    assert!(problems[0].ends_with(expected), "{problems:?}");
+}
+
+#[test]
 fn one_moved_vehicle_is_named_by_line_and_track() {
     let mut moved = VEHICLES[2];
     moved.position[0] += 2.0;
@@ -164,6 +181,55 @@ fn masks_of_other_frames_are_noticed() {
     write_mask(&root.join("parts/0001/clone/00000.png"), 0, [0; 3]);
     let found = problems(&root);
     assert!(found.iter().any(|text| text.contains("lie outside of all boxes")), "{found:?}");
+}
+
+/// Rewrites the published rows and expects to be told what was done to them, in both worlds.
+fn check_published(change: impl Fn(&mut Vec<String>), expected: &str) {
+    let Some(root) = published("vkitti-1.3.1") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    for world in ["0001", "0018"] {
+        let name = format!("vkitti_1.3.1_motgt/{world}_clone.txt");
+        let text = std::fs::read_to_string(root.join(&name)).unwrap();
+        let changed: String = text
+            .lines()
+            .enumerate()
+            .map(|(i, row)| {
+                let mut fields: Vec<String> = row.split(' ').map(str::to_owned).collect();
+                if i > 0 {
+                    change(&mut fields);
+                }
+                fields.join(" ") + "\n"
+            })
+            .collect();
+        super::write(folder.path(), &name, &changed);
+    }
+    let problems = problems(folder.path());
+    let found = problems.iter().filter(|problem| problem.starts_with(expected)).count();
+    assert_eq!(found, 2, "{expected}: {:?}", &problems[..problems.len().min(5)]);
+}
+
+#[test]
+fn mistakes_in_published_rows_are_recognised() {
+    let turn = |fields: &mut Vec<String>, by: f64| add(&mut fields[16], by);
+    check_published(|fields| fields.swap(10, 11), "column `w3d` seems to hold the height");
+    check_published(|fields| fields[10..13].rotate_right(1), "column `w3d` seems to hold the le");
+    check_published(|fields| turn(fields, std::f64::consts::FRAC_PI_2), "the yaw seems to lack");
+    check_published(
+        |fields| {
+            let yaw: f64 = fields[16].parse().unwrap();
+            turn(fields, -2.0 * yaw);
+        },
+        "the yaw seems to have the other sign",
+    );
+    check_published(|fields| fields.swap(16, 17), "the columns of yaw and pitch");
+    check_published(
+        |fields| {
+            let height: f64 = fields[11].parse().unwrap();
+            add(&mut fields[14], -0.5 * height);
+            fields.swap(10, 11);
+        },
+        "column `w3d` seems to hold the height; column `h3d` seems to hold the width; locations",
+    );
 }
 
 #[test]
