@@ -13,7 +13,7 @@ use super::path::Point;
 const WHEEL_STEPS: usize = 30;
 const SPOKES: f64 = 5.0;
 /// Steps round a mirror and across it.
-const MIRROR_STEPS: [usize; 2] = [12, 8];
+const MIRROR_STEPS: [usize; 2] = [12, 6];
 
 /// A closed tyre with rim and spokes on each axle, standing on the ground.
 pub(super) fn add_wheels(v: &ParametricVehicle, half: &mut Half) {

@@ -12,6 +12,8 @@ use super::path::{Edge, Knot, Path, Point};
 
 /// Parameters of the upper curve that seams follow.
 pub(super) mod knots {
+    /// Upper edge of the front bumper.
+    pub(in super::super) const BUMPER_FRONT: f64 = 1.0;
     /// Front edge of the hood.
     pub(in super::super) const HOOD: f64 = 2.0;
     /// Foot of the windscreen.
@@ -35,7 +37,7 @@ const CORNER_STEPS: usize = 4;
 /// Where the columns of top and floor run, as shares of its half width; the first strip is the rim.
 const TOP_SHARES: [f64; 5] = [1.0, 0.9, 0.62, 0.31, 0.0];
 /// Longest distance between rings along either curve, metres.
-const RING_DISTANCE: f64 = 0.095;
+const RING_DISTANCE: f64 = 0.1;
 
 /// The left half of the body's surface; all of it is side for now.
 pub(super) fn body(vehicle: &ParametricVehicle) -> Half {
@@ -97,7 +99,7 @@ pub(super) fn half_width(vehicle: &ParametricVehicle, p: Point) -> f64 {
 /// Where the side ends above: the upper curve lowered by crown and corner.
 pub(super) fn side_top(path: &Path, t: f64) -> Point {
     let edge = path.edge(t);
-    edge.below(path.at(t), edge.crown + edge.radii[0])
+    edge.below(path.at(t), edge.depth())
 }
 
 /// The upper curve of the side view, from the nose over hood, windscreen, roof and trunk to the tail.
@@ -123,7 +125,7 @@ pub(super) fn upper_curve(v: &ParametricVehicle) -> Path {
         Edge::new([0.2, -1.0], 0.06, [0.06, 0.10]).lerp(&rear([1.0, -0.3]), 1.0 - notch);
     let roof_end_edge = Edge::new([0.1, -1.0], 0.05, [0.06, 0.10])
         .lerp(&Edge::new([0.6, -1.0], 0.06, [0.08, 0.13]), 1.0 - notch);
-    let knot = |z, h, round, edge| Knot { at: Point { z, h }, round, edge, arc: None };
+    let knot = |z, h, round, edge| Knot { at: Point { z, h }, round, edge, arch: None };
     let mut path = Path(vec![
         knot(nose, v.nose_height, 0.0, front([-1.0, 0.0])),
         knot(nose - 0.02, v.front_bumper_height, 0.05, front([-1.0, 0.0])),
@@ -149,26 +151,29 @@ pub(super) fn upper_curve(v: &ParametricVehicle) -> Path {
 fn lower_curve(v: &ParametricVehicle) -> Path {
     let nose = v.nose();
     let hub = 0.5 * v.wheel_diameter;
-    let reach = (v.arch_radius().powi(2) - (hub - v.ground_clearance).powi(2)).max(1e-4).sqrt();
     let low = v.ground_clearance;
     let [crown_f, along_f, across_f] = v.front_corner;
     let [crown_r, along_r, across_r] = v.rear_corner;
     let front = |inwards| Edge::new(inwards, crown_f, [along_f, across_f]);
     let rear = |inwards| Edge::new(inwards, crown_r, [along_r, across_r]);
+    // Shallower corners below, so that rings do not cross those at the wheel arches.
+    let tucked = |inwards, [crown, along, across]: [f64; 3]| {
+        Edge::new(inwards, 0.8 * crown, [0.8 * along, across])
+    };
     let sill = Edge::new([0.0, 1.0], 0.0, [0.025, 0.025]);
-    let knot = |z, h, round, edge| Knot { at: Point { z, h }, round, edge, arc: None };
+    let knot = |z, h, round, edge| Knot { at: Point { z, h }, round, edge, arch: None };
+    let reach = v.arch_radius();
     let arch = |z: f64| {
-        let center = Point { z, h: hub };
-        let start = Knot { arc: Some(center), ..knot(z + reach, low, 0.0, sill) };
-        [start, knot(z - reach, low, 0.0, sill)]
+        let start = knot(z + reach, low, 0.0, sill);
+        [Knot { arch: Some(hub + reach - low), ..start }, knot(z - reach, low, 0.0, sill)]
     };
     let mut path = vec![
         knot(nose, v.nose_height, 0.0, front([-1.0, 0.0])),
         knot(nose - 0.015, v.nose_height - 0.13, 0.05, front([-1.0, 0.0])),
-        knot(nose - 0.11, low + 0.03, 0.08, front([-1.0, 0.3])),
+        knot(nose - 0.11, low + 0.03, 0.08, tucked([-1.0, 0.3], v.front_corner)),
     ];
     path.extend(v.axles().into_iter().flat_map(arch));
-    path.push(knot(0.13 - nose, low + 0.08, 0.08, rear([1.0, 0.3])));
+    path.push(knot(0.13 - nose, low + 0.08, 0.08, tucked([1.0, 0.3], v.rear_corner)));
     path.push(knot(0.02 - nose, v.tail_height - 0.13, 0.05, rear([1.0, 0.0])));
     path.push(knot(-nose, v.tail_height, 0.0, rear([1.0, 0.0])));
     Path(path)
@@ -241,7 +246,7 @@ fn push_ring(
         zones.push(zone);
     };
     // From the middle of the floor to the sill.
-    let side_bottom = lower_edge.below(lower, lower_edge.crown + lower_edge.radii[0]);
+    let side_bottom = lower_edge.below(lower, lower_edge.depth());
     let corner = Corner::new(v, &lower_edge, lower);
     for share in TOP_SHARES.into_iter().rev() {
         push(
@@ -297,7 +302,7 @@ struct Corner<'a> {
 
 impl<'a> Corner<'a> {
     fn new(v: &ParametricVehicle, edge: &'a Edge, on_curve: Point) -> Self {
-        let start = edge.below(on_curve, edge.crown + edge.radii[0]);
+        let start = edge.below(on_curve, edge.depth());
         let outer = half_width(v, start);
         let lean =
             (outer - half_width(v, edge.below(on_curve, edge.crown))).clamp(0.0, edge.radii[0]);

@@ -20,8 +20,8 @@ impl Point {
 /// How the ring leaves the curve towards the side of the vehicle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge {
-    /// Direction in the side view from the curve into the body; need not be of unit length.
-    pub(super) inwards: [f64; 2],
+    /// From the curve to where the side ends, in the side view.
+    reach: [f64; 2],
     /// How far the surface recedes in that direction from the middle to where the corner begins.
     pub(super) crown: f64,
     /// Radii of the corner in that direction and across the vehicle.
@@ -29,15 +29,23 @@ pub(super) struct Edge {
 }
 
 impl Edge {
+    /// `inwards` is a direction of any length.
     pub(super) fn new(inwards: [f64; 2], crown: f64, radii: [f64; 2]) -> Self {
-        Self { inwards, crown, radii }
+        let scale = (crown + radii[0]) / inwards[0].hypot(inwards[1]);
+        Self { reach: inwards.map(|value| scale * value), crown, radii }
     }
 
+    /// Depth where the side ends.
+    pub(super) fn depth(&self) -> f64 {
+        self.crown + self.radii[0]
+    }
+
+    /// In between; `reach` is mixed as a vector, so that the ends of rings stay in order where their curve does.
     pub(super) fn lerp(&self, other: &Self, share: f64) -> Self {
         let mix = |a: f64, b: f64| a + share * (b - a);
         let mix2 = |a: [f64; 2], b: [f64; 2]| [mix(a[0], b[0]), mix(a[1], b[1])];
         Self {
-            inwards: mix2(self.inwards, other.inwards),
+            reach: mix2(self.reach, other.reach),
             crown: mix(self.crown, other.crown),
             radii: mix2(self.radii, other.radii),
         }
@@ -45,11 +53,8 @@ impl Edge {
 
     /// The point at a depth below the curve.
     pub(super) fn below(&self, point: Point, depth: f64) -> Point {
-        let norm = self.inwards[0].hypot(self.inwards[1]);
-        Point {
-            z: point.z + depth * self.inwards[0] / norm,
-            h: point.h + depth * self.inwards[1] / norm,
-        }
+        let share = depth / self.depth();
+        Point { z: point.z + share * self.reach[0], h: point.h + share * self.reach[1] }
     }
 }
 
@@ -59,8 +64,8 @@ pub(super) struct Knot {
     /// How far before and behind the corner the rounding begins.
     pub(super) round: f64,
     pub(super) edge: Edge,
-    /// Centre of the arc to the next knot; a straight line without.
-    pub(super) arc: Option<Point>,
+    /// Rise of the half ellipse to the next knot, which lies at the same height; a straight line without.
+    pub(super) arch: Option<f64>,
 }
 
 /// A curve from nose to tail; parameter k is at knot k.
@@ -76,8 +81,8 @@ impl Path {
         let t = t.clamp(0.0, self.last());
         let k = (t as usize).min(self.0.len() - 2);
         let share = t - k as f64;
-        if let Some(center) = self.0[k].arc {
-            return self.on_arc(k, share, center);
+        if let Some(rise) = self.0[k].arch {
+            return on_arch(self.0[k].at, self.0[k + 1].at, rise, share);
         }
         let nearest = t.round() as usize;
         if nearest > 0 && nearest < self.0.len() - 1 && self.0[nearest].round > 0.0 {
@@ -116,17 +121,11 @@ impl Path {
         }
         0.5 * (low + high)
     }
+}
 
-    fn on_arc(&self, k: usize, share: f64, center: Point) -> Point {
-        let [from, to] = [self.0[k].at, self.0[k + 1].at];
-        let angle = |p: Point| (p.h - center.h).atan2(p.z - center.z);
-        // Over the top: from the front end, where the angle may be below the horizon, to the rear end.
-        let [a, mut b] = [angle(from), angle(to)];
-        if b < a {
-            b += std::f64::consts::TAU;
-        }
-        let radius = from.distance(center);
-        let (sin, cos) = (a + share * (b - a)).sin_cos();
-        Point { z: center.z + radius * cos, h: center.h + radius * sin }
-    }
+/// Begins and ends upright, so that z decreases all the way.
+fn on_arch(from: Point, to: Point, rise: f64, share: f64) -> Point {
+    let (sin, cos) = (std::f64::consts::PI * share).sin_cos();
+    let middle = from.lerp(to, 0.5);
+    Point { z: middle.z + cos * (from.z - middle.z), h: middle.h + sin * rise }
 }

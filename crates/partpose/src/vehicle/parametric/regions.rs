@@ -21,13 +21,19 @@ const SILL_HEIGHT: f64 = 0.11;
 /// Distance of the rear door from the wheel arch.
 const ARCH_GAP: f64 = 0.06;
 
+/// Angles at which headlamps begin and end, from ahead to the side.
+const FRONT_LAMP: [f64; 2] = [0.38, 1.45];
+/// The same for tail lamps.
+const REAR_LAMP: [f64; 2] = [0.52, 1.72];
+
 /// Gives the faces of the body their parts.
 pub(super) fn paint(v: &ParametricVehicle, half: &mut Half) {
     paint_top(half);
+    let top = upper_curve(v);
     let mut painter = Painter::new(half);
     painter.fix_seams();
-    paint_ends(v, &mut painter);
-    paint_side(v, &mut painter);
+    paint_ends(v, &top, &mut painter);
+    paint_side(v, &top, &mut painter);
     paint_lamps(v, &mut painter);
 }
 
@@ -50,23 +56,23 @@ fn paint_top(half: &mut Half) {
 }
 
 /// Aprons: the bumpers' skirts and, in front, what lies between the lamps.
-fn paint_ends(v: &ParametricVehicle, painter: &mut Painter) {
+fn paint_ends(v: &ParametricVehicle, top: &Path, painter: &mut Painter) {
     let [front, rear] = v.axles();
+    // Where the rounded curve has the rings of the bumpers' upper edges.
+    let [front_edge, rear_edge] = [knots::BUMPER_FRONT, knots::BUMPER_REAR].map(|t| top.at(t).h);
     let body = |zone: Zone, part: PartClass| zone != Zone::Fitting && part == PartClass::SideLeft;
-    painter.paint(PartClass::ApronFront, body, |p| {
-        (p.h - v.front_bumper_height).max(front + 0.1 - p.z)
-    });
-    let between_lamps = lamp_angles_front(v)[0] + 0.1;
+    painter.paint(PartClass::ApronFront, body, &[&|p| front + 0.1 - p.z, &|p| p.h - front_edge]);
+    let between_lamps = FRONT_LAMP[0] + 0.1;
     let face = move |zone: Zone, part: PartClass| body(zone, part) && zone != Zone::Side;
-    painter.paint(PartClass::ApronFront, face, |p| {
-        (p.t - knots::HOOD).max(angle_front(v, p) - between_lamps)
-    });
-    painter.paint(PartClass::ApronRear, body, |p| {
-        (p.h - v.rear_bumper_height).max(p.z - (rear - 0.1))
-    });
+    painter.paint(
+        PartClass::ApronFront,
+        face,
+        &[&|p| p.t - knots::HOOD, &|p| angle_front(v, p) - between_lamps],
+    );
+    painter.paint(PartClass::ApronRear, body, &[&|p| p.z - (rear - 0.1), &|p| p.h - rear_edge]);
 }
 
-fn paint_side(v: &ParametricVehicle, painter: &mut Painter) {
+fn paint_side(v: &ParametricVehicle, top: &Path, painter: &mut Painter) {
     let [front, rear] = v.axles();
     let hub = 0.5 * v.wheel_diameter;
     let [start, pillar] = [front - v.door_start, front - v.b_pillar];
@@ -74,59 +80,78 @@ fn paint_side(v: &ParametricVehicle, painter: &mut Painter) {
     let quarter_end = rear + v.quarter_glass_end;
     let sill = v.ground_clearance + SILL_HEIGHT;
     let side = |zone: Zone, _: PartClass| zone == Zone::Side;
-    // The belt seam is a crease of the loft, below which the doors end.
-    let door = |p: &Vertex| (sill - p.h).max(p.h - v.belt(p.z));
-    painter.paint(PartClass::DoorFrontLeft, side, |p| door(p).max(p.z - start).max(pillar - p.z));
-    painter.paint(PartClass::DoorRearLeft, side, |p| {
-        let from_arch = v.arch_radius() + ARCH_GAP - (p.z - rear).hypot(p.h - hub);
-        door(p).max(p.z - pillar).max(end - p.z).max(from_arch)
-    });
-    let outline = Outline::new(&upper_curve(v));
-    let glass = |p: &Vertex| (v.belt(p.z) - p.h).max(outline.above(p.z, p.h) + GLASS_GAP);
-    // Pillars lean with the windows: forward of upright by this much per metre.
-    let lean = 0.12;
-    let at = |p: &Vertex| p.z + lean * (p.h - v.belt(p.z));
-    painter.paint(PartClass::GlassFrontLeft, side, |p| glass(p).max(pillar + HALF_PILLAR - at(p)));
-    painter.paint(PartClass::GlassRearLeft, side, |p| {
-        let rear_edge = end + 0.25 * (p.h - v.belt(p.z));
-        glass(p).max(at(p) - (pillar - HALF_PILLAR)).max(rear_edge + 0.02 - p.z)
-    });
-    painter.paint(PartClass::GlassCornerLeft, side, |p| {
-        let rise = p.h - v.belt(p.z);
-        let front_edge = end + 0.25 * rise - 0.025;
-        let rear_edge = quarter_end + 0.9 * rise;
-        glass(p).max(p.z - front_edge).max(rear_edge - p.z).max(rise - 0.30)
-    });
+    let rise = |p: &Vertex| p.h - v.belt(p.z);
+    painter.paint(
+        PartClass::DoorFrontLeft,
+        side,
+        &[&rise, &|p| sill - p.h, &|p| p.z - start, &|p| pillar - p.z],
+    );
+    let near_arch = |p: &Vertex| v.arch_radius() + ARCH_GAP - (p.z - rear).hypot(p.h - hub);
+    painter.paint(
+        PartClass::DoorRearLeft,
+        side,
+        &[&rise, &|p| sill - p.h, &|p| p.z - pillar, &|p| end - p.z, &near_arch],
+    );
+    let outline = Outline::new(top);
+    let above_belt = |p: &Vertex| -rise(p);
+    let below_roof = |p: &Vertex| outline.above(p.z, p.h) + GLASS_GAP;
+    // Pillars lean with the windows: this much forward going down, per metre.
+    let upright = |p: &Vertex| p.z + 0.12 * rise(p);
+    let rear_pillar = |p: &Vertex| end + 0.25 * rise(p);
+    painter.paint(
+        PartClass::GlassFrontLeft,
+        side,
+        &[&above_belt, &below_roof, &|p| pillar + HALF_PILLAR - upright(p)],
+    );
+    painter.paint(
+        PartClass::GlassRearLeft,
+        side,
+        &[&above_belt, &below_roof, &|p| upright(p) - (pillar - HALF_PILLAR), &|p| {
+            rear_pillar(p) + 0.02 - p.z
+        }],
+    );
+    painter.paint(
+        PartClass::GlassCornerLeft,
+        side,
+        &[&above_belt, &below_roof, &|p| p.z - (rear_pillar(p) - 0.025), &|p| {
+            quarter_end + 0.9 * rise(p) - p.z
+        }],
+    );
 }
 
 fn paint_lamps(v: &ParametricVehicle, painter: &mut Painter) {
     let body = |zone: Zone, _: PartClass| !matches!(zone, Zone::Bottom | Zone::Fitting);
-    let [inner, outer] = lamp_angles_front(v);
-    let [low, high] = [v.front_bumper_height + 0.005, v.hood_front_height];
-    painter.paint(PartClass::LightFrontLeft, body, |p| {
-        let angle = angle_front(v, p);
-        // Narrow beside the grille, rising towards the side.
-        let share = ((angle - inner) / (outer - inner)).clamp(0.0, 1.0);
-        let bottom = low + 0.10 * share * share;
-        let top = high - 0.035 + 0.07 * share;
-        (bottom - p.h)
-            .max(p.h - top)
-            .max(0.5 * (inner - angle))
-            .max(0.5 * (angle - outer))
-            .max(v.nose() - 1.2 - p.z)
-    });
-    let [inner, outer] = [0.52, 1.72];
-    painter.paint(PartClass::LightRearLeft, body, |p| {
-        let angle = angle_rear(v, p);
-        let share = ((angle - inner) / (outer - inner)).clamp(0.0, 1.0);
-        let bottom = v.tail_lamp_bottom + 0.05 * share;
-        let top = v.tail_lamp_top - 0.03 * (1.0 - share);
-        (bottom - p.h)
-            .max(p.h - top)
-            .max(0.5 * (inner - angle))
-            .max(0.5 * (angle - outer))
-            .max(p.z + v.nose() - 1.0)
-    });
+    // Narrow beside the grille, rising towards the side.
+    let [inner, outer] = FRONT_LAMP;
+    let share = |p: &Vertex| ((angle_front(v, p) - inner) / (outer - inner)).clamp(0.0, 1.0);
+    let bottom = |p: &Vertex| v.front_bumper_height + 0.005 + 0.10 * share(p).powi(2);
+    let top = |p: &Vertex| v.hood_front_height - 0.035 + 0.07 * share(p);
+    painter.paint(
+        PartClass::LightFrontLeft,
+        body,
+        &[
+            &|p| v.nose() - 1.2 - p.z,
+            &|p| p.h - top(p),
+            &|p| bottom(p) - p.h,
+            &|p| 0.5 * (inner - angle_front(v, p)),
+            &|p| 0.5 * (angle_front(v, p) - outer),
+        ],
+    );
+    let [inner, outer] = REAR_LAMP;
+    let share = |p: &Vertex| ((angle_rear(v, p) - inner) / (outer - inner)).clamp(0.0, 1.0);
+    let bottom = |p: &Vertex| v.tail_lamp_bottom + 0.05 * share(p);
+    let top = |p: &Vertex| v.tail_lamp_top - 0.03 * (1.0 - share(p));
+    painter.paint(
+        PartClass::LightRearLeft,
+        body,
+        &[
+            &|p| p.z + v.nose() - 1.0,
+            &|p| p.h - top(p),
+            &|p| bottom(p) - p.h,
+            &|p| 0.5 * (inner - angle_rear(v, p)),
+            &|p| 0.5 * (angle_rear(v, p) - outer),
+        ],
+    );
 }
 
 /// Angle round an upright axis inside the front corner: 0 ahead, a right angle to the side.
@@ -139,11 +164,6 @@ fn angle_front(v: &ParametricVehicle, p: &Vertex) -> f64 {
 fn angle_rear(v: &ParametricVehicle, p: &Vertex) -> f64 {
     let axis = [0.5 * v.width - 0.62, 0.50 - v.nose()];
     (p.lateral - axis[0]).atan2(axis[1] - p.z)
-}
-
-/// Where the headlamps begin and end.
-fn lamp_angles_front(_: &ParametricVehicle) -> [f64; 2] {
-    [0.38, 1.45]
 }
 
 /// The upper edge of the side as a polyline with falling z, to stay below of.

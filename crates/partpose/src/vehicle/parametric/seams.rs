@@ -1,6 +1,6 @@
 //! Cuts a surface along an implicit curve and paints one side of it.
 //!
-//! A region is a function of the vertex that is negative inside. Where its sign changes along an edge, the edge is
+//! A region is where some functions of the vertex are negative. Where the sign of one changes along an edge, the edge is
 //! split at the linear root, or, if the root lies near an end, that end is moved there, so that no slivers arise; the
 //! triangles are divided accordingly. The seam then runs along edges, as cleanly as the grid is fine. Neighbours share
 //! the split edges, so that a closed surface stays closed. (The marching-squares cases, on triangles.)
@@ -43,38 +43,81 @@ impl<'a> Painter<'a> {
     }
 
     /// Gives `part` to the faces for which `concerns` holds and that lie inside the region.
+    ///
+    /// The region is where all of `bounds` are negative. Each is cut by itself, so that corners stay sharp.
     pub(super) fn paint(
         &mut self,
         part: PartClass,
         concerns: impl Fn(Zone, PartClass) -> bool,
-        region: impl Fn(&Vertex) -> f64,
+        bounds: &[&dyn Fn(&Vertex) -> f64],
     ) {
-        let count = self.half.faces.len();
-        let concerned: Vec<bool> =
-            (0..count).map(|i| concerns(self.half.zones[i], self.half.parts[i])).collect();
-        let value =
-            |vertex: &Vertex| Some(region(vertex)).filter(|v| v.abs() > ON_SEAM).unwrap_or(0.0);
-        let mut values: Vec<f64> = self.half.vertices.iter().map(value).collect();
-        self.snap(&concerned, &mut values);
-        let splits = self.split_edges(&concerned, &mut values);
-        let old = std::mem::take(&mut self.half.faces);
-        let zones = std::mem::take(&mut self.half.zones);
-        let parts = std::mem::take(&mut self.half.parts);
-        for (i, face) in old.into_iter().enumerate() {
-            for triangle in divide(face, &splits) {
-                let sum: f64 = triangle.iter().map(|index| values[*index as usize]).sum();
-                let painted = if concerned[i] && sum < 0.0 { part } else { parts[i] };
-                self.half.push(triangle, zones[i], painted);
+        // Values of the bounds at every vertex; exactly zero on the seam.
+        let mut values: Vec<Vec<f64>> = Vec::new();
+        for bound in bounds {
+            let value = |vertex: &Vertex| {
+                Some(bound(vertex)).filter(|value| value.abs() > ON_SEAM).unwrap_or(0.0)
+            };
+            values.push(self.half.vertices.iter().map(value).collect());
+            let concerned = self.inside(&concerns, bounds, &values[..values.len() - 1]);
+            self.fix_zeros(&concerned, &values);
+            self.snap(&concerned, &mut values);
+            let splits = self.split_edges(&concerned, &mut values);
+            let old = std::mem::take(&mut self.half.faces);
+            let zones = std::mem::take(&mut self.half.zones);
+            let parts = std::mem::take(&mut self.half.parts);
+            for ((face, zone), of) in old.into_iter().zip(zones).zip(parts) {
+                for triangle in divide(face, &splits) {
+                    self.half.push(triangle, zone, of);
+                }
+            }
+        }
+        let inside = self.inside(&concerns, bounds, &values);
+        for (of, inside) in self.half.parts.iter_mut().zip(inside) {
+            if inside {
+                *of = part;
             }
         }
     }
 
-    /// Moves vertices to roots near them.
-    fn snap(&mut self, concerned: &[bool], values: &mut [f64]) {
+    /// Which faces are concerned and lie inside the bounds of which values are given.
+    fn inside(
+        &self,
+        concerns: &impl Fn(Zone, PartClass) -> bool,
+        bounds: &[&dyn Fn(&Vertex) -> f64],
+        values: &[Vec<f64>],
+    ) -> Vec<bool> {
+        let half = &self.half;
+        let is_inside = |i: usize| {
+            let [a, b, c] = half.faces[i].map(|index| index as usize);
+            let negative = |values: &Vec<f64>, bound: &dyn Fn(&Vertex) -> f64| {
+                let sum = values[a] + values[b] + values[c];
+                if sum != 0.0 {
+                    return sum < 0.0;
+                }
+                let [a, b, c] = [a, b, c].map(|index| half.vertices[index]);
+                bound(&a.lerp(&b, 0.5).lerp(&c, 1.0 / 3.0)) < 0.0
+            };
+            concerns(half.zones[i], half.parts[i])
+                && values.iter().zip(bounds).all(|(values, bound)| negative(values, bound))
+        };
+        (0..half.faces.len()).map(is_inside).collect()
+    }
+
+    /// Keeps vertices that already lie on the last bound in their place.
+    fn fix_zeros(&mut self, concerned: &[bool], values: &[Vec<f64>]) {
+        let Some(last) = values.last() else { return };
+        for index in edges(&self.half.faces, concerned).flatten().map(|index| index as usize) {
+            self.fixed[index] |= last[index] == 0.0;
+        }
+    }
+
+    /// Moves vertices to roots of the last bound near them.
+    fn snap(&mut self, concerned: &[bool], values: &mut [Vec<f64>]) {
+        let Some(last) = values.last() else { return };
         // Per vertex the nearest root: share of the edge, and the edge's other end.
         let mut nearest: BTreeMap<u32, (f64, u32)> = BTreeMap::new();
         for [a, b] in edges(&self.half.faces, concerned) {
-            let [from, to] = [values[a as usize], values[b as usize]];
+            let [from, to] = [last[a as usize], last[b as usize]];
             if from * to >= 0.0 {
                 continue;
             }
@@ -90,37 +133,43 @@ impl<'a> Painter<'a> {
                 }
             }
         }
-        let moved: Vec<(u32, Vertex)> = nearest
-            .iter()
-            .map(|(vertex, (share, other))| {
-                let [from, to] = [*vertex, *other].map(|i| self.half.vertices[i as usize]);
-                (*vertex, from.lerp(&to, *share))
-            })
-            .collect();
-        for (vertex, place) in moved {
-            self.half.vertices[vertex as usize] = place;
-            self.fixed[vertex as usize] = true;
-            values[vertex as usize] = 0.0;
+        // From where everything was, so that the order does not matter.
+        let (vertices, old) = (self.half.vertices.clone(), values.to_vec());
+        for (vertex, (share, other)) in nearest {
+            let [i, j] = [vertex as usize, other as usize];
+            self.half.vertices[i] = vertices[i].lerp(&vertices[j], share);
+            self.fixed[i] = true;
+            for (values, old) in values.iter_mut().zip(&old) {
+                values[i] = old[i] + share * (old[j] - old[i]);
+            }
+            if let Some(last) = values.last_mut() {
+                last[i] = 0.0;
+            }
         }
     }
 
-    /// Makes a vertex at every root that is left; by edge, smaller index first.
+    /// Makes a vertex at every root of the last bound that is left; by edge, smaller index first.
     fn split_edges(
         &mut self,
         concerned: &[bool],
-        values: &mut Vec<f64>,
+        values: &mut [Vec<f64>],
     ) -> BTreeMap<[u32; 2], u32> {
         let mut splits = BTreeMap::new();
         for [a, b] in edges(&self.half.faces, concerned) {
-            let [from, to] = [values[a as usize], values[b as usize]];
+            let [i, j] = [a as usize, b as usize];
+            let Some((last, others)) = values.split_last_mut() else { break };
+            let [from, to] = [last[i], last[j]];
             if from * to >= 0.0 || splits.contains_key(&[a, b]) {
                 continue;
             }
-            let [p, q] = [a, b].map(|i| self.half.vertices[i as usize]);
+            let share = from / (from - to);
             splits.insert([a, b], self.half.vertices.len() as u32);
-            self.half.vertices.push(p.lerp(&q, from / (from - to)));
+            self.half.vertices.push(self.half.vertices[i].lerp(&self.half.vertices[j], share));
             self.fixed.push(true);
-            values.push(0.0);
+            last.push(0.0);
+            for values in others {
+                values.push(values[i] + share * (values[j] - values[i]));
+            }
         }
         splits
     }
