@@ -109,7 +109,7 @@ fn block(sums: &[f64; 4]) -> Matrix3<f64> {
 }
 
 /// Principal axes as columns and standard deviations along them, largest first.
-fn principal_axes(
+pub(super) fn principal_axes(
     correspondences: &[Correspondence],
     center: &Vector3<f64>,
 ) -> Result<(Matrix3<f64>, [f64; 3]), PnpError> {
