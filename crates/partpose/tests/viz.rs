@@ -2,6 +2,7 @@
 
 mod common;
 
+use nalgebra::UnitQuaternion;
 use partpose::files::RgbImage;
 use partpose::geometry::{Camera, Cuboid, Extent, Point2, Point3, Pose, Rect, Vector3};
 use partpose::parts::{PartClass, PartMask};
@@ -39,36 +40,46 @@ fn cuboid(z: f64) -> Cuboid {
 }
 
 #[test]
-fn part_labels_of_a_made_up_car_from_behind() {
+fn part_labels_of_a_made_up_car() {
     let mesh = common::car(6);
-    let camera = Camera::pinhole(60.0, [11.5, 6.0], [24, 14]);
-    let instance = Instance {
-        mesh: &mesh,
-        scale: Vector3::repeat(1.0),
-        camera_from_vehicle: Pose::translation(0.0, 0.9, 9.0),
-        id: 1,
-    };
+    let camera = Camera::pinhole(60.0, [23.5, 7.5], [48, 16]);
+    let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(0.2, 0.0, 0.0))
+        * UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 0.9, 0.0));
+    let camera_from_vehicle = Pose::from_parts(Vector3::new(0.0, 0.75, 6.0).into(), rotation);
+    let instance =
+        Instance { mesh: &mesh, scale: Vector3::repeat(1.0), camera_from_vehicle, id: 1 };
     let image = render_labels(&camera, &[instance]);
-    let letter = |part: &u8| match PartClass::from_id(*part) {
-        None => '.',
-        Some(PartClass::WindshieldRear) => 'w',
-        Some(PartClass::Trunk) => 't',
-        Some(PartClass::ApronRear) => 'a',
-        Some(PartClass::LightRearLeft) => 'l',
-        Some(PartClass::LightRearRight) => 'r',
-        Some(PartClass::Roof) => 'o',
-        Some(_) => '?',
+    // Ids from 1 as a to z, then A to C.
+    let letter = |part: &u8| match *part {
+        0 => '.',
+        id @ 1..=26 => char::from(b'a' + id - 1),
+        id => char::from(b'A' + id - 27),
     };
     let rows: Vec<String> =
-        image.parts.chunks(24).map(|row| row.iter().map(letter).collect()).collect();
-    let all = rows.concat();
-    assert!(all.contains('w') && all.contains('t') && all.contains('a'), "{rows:#?}");
-    // The left lamp is on the left of a car seen from behind, and nothing of the front shows.
-    let column = |c: char| rows.iter().find_map(|row| row.find(c));
-    assert!(column('l') < column('r'), "{rows:#?}");
-    let first = rows.iter().position(|row| row.contains('w'));
-    assert!(first < rows.iter().position(|row| row.contains('a')), "{rows:#?}");
+        image.parts.chunks(48).map(|row| row.iter().map(letter).collect()).collect();
+    assert_eq!(rows, GOLDEN, "{rows:#?}");
 }
+
+/// Seen from behind on its right: r rear windscreen, z boot, d lamp, j apron, p side, n and l doors, h and f wheels,
+/// x v t windows, y roof, A bonnet.
+const GOLDEN: [&str; 16] = [
+    ".....................yy.........................",
+    "...........rrryyyyyyyyyyyyyvvtt.................",
+    "..........rrrrrrrrrxxxvvvvvvvttt................",
+    ".........rrrrrrrrrxxxxvvvvvvvtttt...............",
+    "........rrrrrrrrrxxxxvvvvvvvvttttt..............",
+    ".......rrrrrrrrrrxxxxvvvvvvvvtttttt.............",
+    ".....rrrrrrrrrrrxxxxxvvvvvvvvvttttpppppAA.......",
+    "....zzzzrrrrrrrxxxxxvvvvvvvvnnlllppppppppppp....",
+    "..zzzzzzzzzrrrrxxxxxvppppnnnnnlllllppppppppp....",
+    "zzzzzzzzzzzzzzxppppppppppnnnnnllllllpppppppp....",
+    "zzzzzzzzzzzzppppppppppppnnnnnnllllllppppfppp....",
+    "zzzzzzzzzzzpppppppppppppnnnnnnllllllffffpppp....",
+    "zzzzzzzzzpppppppppppppppnnnnnnllllllffffppp.....",
+    "zzzzzzzpppppppppppppppppnnnnnnllllllffffppp.....",
+    "jzzzddppppppppppppppppphnnnnnnllllppffff........",
+    "jjzzddppppppppppppphhhhhnnnnnnpppppff...........",
+];
 
 #[test]
 fn turntable_shows_left_and_right_parts_on_their_sides() {

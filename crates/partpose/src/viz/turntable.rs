@@ -24,7 +24,7 @@ pub struct TurntableOptions {
 
 impl Default for TurntableOptions {
     fn default() -> Self {
-        Self { tile: [330, 220], elevation: 0.26, shade: ShadeOptions::default() }
+        Self { tile: [380, 215], elevation: 0.26, shade: ShadeOptions::default() }
     }
 }
 
