@@ -3,7 +3,9 @@
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail loudly too")]
 #![allow(clippy::needless_raw_string_hashes, reason = "`UPDATE_EXPECT=1` writes them")]
 
+mod bad_input;
 mod dataset_check;
+mod poses;
 
 use std::path::Path;
 use std::process::Command;
