@@ -47,16 +47,16 @@ pub fn epnp(correspondences: &[Correspondence], camera: &Camera) -> Result<Pose,
         let weakest = system.null_vectors::<4>();
         let (vectors, lengths) = system.for_distances(&weakest);
         let distances = Distances::<4, 6>::new(&vectors, &lengths);
-        for start in distances.starts_of_four().into_iter().flatten() {
-            best.offer(&combine(&weakest, &distances.gauss_newton(start)));
+        for betas in distances.minima(distances.starts_of_four()) {
+            best.offer(&combine(&weakest, &betas));
         }
     }
     if flatness < NEARLY_FLAT {
         let weakest = system.null_vectors::<3>();
         let (vectors, lengths) = system.for_distances(&weakest);
         let distances = Distances::<3, 3>::new(&vectors, &lengths);
-        for start in distances.starts_of_three().into_iter().flatten() {
-            best.offer(&combine(&weakest, &distances.gauss_newton(start)));
+        for betas in distances.minima(distances.starts_of_three()) {
+            best.offer(&combine(&weakest, &betas));
         }
     }
     best.best.map(|(_, pose)| pose).ok_or(PnpError::BehindCamera)

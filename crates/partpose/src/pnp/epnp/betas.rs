@@ -6,7 +6,9 @@ use crate::pnp::linear::Nine;
 /// Steps of Gauss-Newton; 5 to 8 are usual.
 const MAX_STEPS: usize = 12;
 /// Relative change of the betas at which Gauss-Newton has converged.
-const CONVERGED: f64 = 1e-7;
+const CONVERGED: f64 = 1e-5;
+/// Relative distance of betas within which a known minimum is being approached again.
+const SAME: f64 = 1e-2;
 /// Damping of the first step, relative to the diagonal.
 const FIRST_DAMPING: f64 = 1e-6;
 /// How far the extra starts are from case N = 1, in units of its beta; anything from 0.2 to 0.5 does as well.
@@ -65,8 +67,35 @@ impl<const K: usize, const D: usize> Distances<K, D> {
         if k == l { self.forms[pair][k][l] } else { 2.0 * self.forms[pair][k][l] }
     }
 
+    /// The distinct minima that the starts lead to.
+    pub(super) fn minima<const S: usize>(
+        &self,
+        starts: [Option<[f64; K]>; S],
+    ) -> impl Iterator<Item = [f64; K]> {
+        let mut found = [[0.0; K]; S];
+        let mut len = 0;
+        for start in starts.into_iter().flatten() {
+            if let Some(betas) = self.gauss_newton(start, &found[..len]) {
+                found[len] = betas;
+                len += 1;
+            }
+        }
+        found.into_iter().take(len)
+    }
+
     /// Minimises the squared errors of the squared distances, damped after Levenberg and Marquardt.
-    pub(super) fn gauss_newton(&self, start: [f64; K]) -> [f64; K] {
+    ///
+    /// `None` as soon as it comes close to a minimum that is already known.
+    fn gauss_newton(&self, start: [f64; K], known: &[[f64; K]]) -> Option<[f64; K]> {
+        let size = |b: &[f64; K]| b.iter().map(|x| x * x).sum::<f64>();
+        let is_known = |betas: &[f64; K]| {
+            let near = SAME * SAME * size(betas);
+            // The sign of all betas is arbitrary.
+            known.iter().any(|other| {
+                size(&std::array::from_fn(|k| betas[k] - other[k])) < near
+                    || size(&std::array::from_fn(|k| betas[k] + other[k])) < near
+            })
+        };
         let mut betas = start;
         let mut here = self.linearise(&betas);
         let mut damping = FIRST_DAMPING;
@@ -82,9 +111,11 @@ impl<const K: usize, const D: usize> Distances<K, D> {
             let next: [f64; K] = std::array::from_fn(|k| betas[k] - step[k]);
             let there = self.linearise(&next);
             if there.cost < here.cost {
-                let size = |b: &[f64; K]| b.iter().map(|x| x * x).sum::<f64>();
                 let arrived = size(&step) < CONVERGED * CONVERGED * size(&next);
                 (betas, here) = (next, there);
+                if is_known(&betas) {
+                    return None;
+                }
                 if arrived {
                     break;
                 }
@@ -97,7 +128,7 @@ impl<const K: usize, const D: usize> Distances<K, D> {
                 damping = (damping * 30.0).max(FIRST_DAMPING);
             }
         }
-        betas
+        Some(betas)
     }
 
     fn linearise(&self, betas: &[f64; K]) -> Linearised<K> {
