@@ -5,6 +5,7 @@ mod commands;
 mod pose_flags;
 mod progress;
 mod report;
+mod zoo_folder;
 
 use std::process::ExitCode;
 

@@ -6,9 +6,7 @@ use partpose::detection::Detection;
 use partpose::geometry::{Camera, Cuboid, EulerAngles, Extent, Pose, Rect, Vector3};
 use partpose::oracle::{Degradation, Oracle, OracleOptions};
 use partpose::parts::{PartMask, PartProbabilities, Scaling, upscale_labels};
-use partpose::pose::{
-    Center2d, Center3d, ExtentSource, PartFilters, PoseEstimator, PoseOptions,
-};
+use partpose::pose::{Center2d, Center3d, ExtentSource, PartFilters, PoseEstimator, PoseOptions};
 use partpose::render::{Instance, render_labels};
 use partpose::vehicle::{ModelZoo, VehicleModel};
 
@@ -129,9 +127,8 @@ fn nearest_56_to_160_x_110(bencher: Bencher) {
 #[divan::bench]
 fn bilinear_56_to_160_x_110(bencher: Bencher) {
     let probabilities = kernel_56();
-    bencher.bench_local(|| {
-        black_box(&probabilities).upscale(&BOUNDS, CAMERA.size, Scaling::Bilinear)
-    });
+    bencher
+        .bench_local(|| black_box(&probabilities).upscale(&BOUNDS, CAMERA.size, Scaling::Bilinear));
 }
 
 /// Noise in every cell: no two neighbours agree, so nothing can be skipped.
@@ -144,7 +141,6 @@ fn bilinear_56_to_160_x_110_noise(bencher: Bencher) {
     };
     let values = (0..30 * 56 * 56).map(|_| next()).collect();
     let probabilities = PartProbabilities::new(56, values).expect("all lie between 0 and 1");
-    bencher.bench_local(|| {
-        black_box(&probabilities).upscale(&BOUNDS, CAMERA.size, Scaling::Bilinear)
-    });
+    bencher
+        .bench_local(|| black_box(&probabilities).upscale(&BOUNDS, CAMERA.size, Scaling::Bilinear));
 }

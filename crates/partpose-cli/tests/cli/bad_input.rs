@@ -14,7 +14,15 @@ fn good() -> tempfile::TempDir {
 
 fn fit(folder: &Path) -> String {
     let arguments = [
-        "fit", "--detections", "detections.safetensors", "--camera", "camera.toml", "--zoo", "zoo", "--out", "out",
+        "fit",
+        "--detections",
+        "detections.safetensors",
+        "--camera",
+        "camera.toml",
+        "--zoo",
+        "zoo",
+        "--out",
+        "out",
     ];
     run(folder, &arguments)
 }
@@ -31,7 +39,10 @@ fn refuses(folder: &Path, file: &str) {
 #[test]
 fn camera_without_focal_length_is_refused() {
     let folder = good();
-    for text in ["width = 10\nheight = 10\ncx = 1\ncy = 1\n", "width = 10\nheight = 10\nfx = 0\nfy = 1\ncx = 1\ncy = 1\n"] {
+    for text in [
+        "width = 10\nheight = 10\ncx = 1\ncy = 1\n",
+        "width = 10\nheight = 10\nfx = 0\nfy = 1\ncx = 1\ncy = 1\n",
+    ] {
         fs::write(folder.path().join("camera.toml"), text).unwrap();
         refuses(folder.path(), "camera.toml");
     }
@@ -106,9 +117,8 @@ fn one_bad_frame_is_reported_and_the_rest_is_done() {
     let png = partpose::files::encode_png(&image);
     write("parts/0001/clone/00000.png", &png);
     write("parts/0001/clone/00001.png", &png[..png.len() / 2]);
-    let arguments = [
-        "evaluate", "poses", "--dataset", "vkitti", "--zoo", "zoo", "--oracle", "--out", "out",
-    ];
+    let arguments =
+        ["evaluate", "poses", "--dataset", "vkitti", "--zoo", "zoo", "--oracle", "--out", "out"];
     let said = run(folder.path(), &arguments);
     assert!(said.contains("0001/clone/00001") && said.ends_with("--- exit 1\n"), "{said}");
     let metrics = fs::read_to_string(folder.path().join("out/metrics.json")).unwrap();

@@ -19,7 +19,9 @@ fn demo_finds_vehicles_where_they_are() {
     assert!(number("count") >= 10.0, "{metrics}");
     // Far below what it reaches (0.7 and 0.8), far above what a broken fit gives.
     assert!(number("mean_iou3d_all") > 0.5 && number("model_precision") > 0.6, "{metrics}");
-    for file in ["scene-1.png", "scene-2.json", "scene-2.txt", "detections.safetensors", "camera.toml"] {
+    for file in
+        ["scene-1.png", "scene-2.json", "scene-2.txt", "detections.safetensors", "camera.toml"]
+    {
         assert!(folder.path().join("d").join(file).is_file(), "{file}");
     }
 }
@@ -30,8 +32,22 @@ fn fit_reads_what_demo_writes_and_is_repeatable() {
     run(folder.path(), &["demo", "--out", "d", "--scenes", "1"]);
     let fit = |out: &str| {
         let arguments = [
-            "fit", "--detections", "d/detections.safetensors", "--camera", "d/camera.toml", "--zoo", "d/zoo",
-            "--fit", "sqpnp", "--points-2d", "cm", "--points-3d", "visible", "--refine", "--out", out,
+            "fit",
+            "--detections",
+            "d/detections.safetensors",
+            "--camera",
+            "d/camera.toml",
+            "--zoo",
+            "d/zoo",
+            "--fit",
+            "sqpnp",
+            "--points-2d",
+            "cm",
+            "--points-3d",
+            "visible",
+            "--refine",
+            "--out",
+            out,
         ];
         run(folder.path(), &arguments)
     };
@@ -54,7 +70,10 @@ fn fit_reads_what_demo_writes_and_is_repeatable() {
 fn zoo_is_listed_and_shown() {
     let folder = tempfile::tempdir().unwrap();
     let said = run(folder.path(), &["zoo", "list"]);
-    assert!(said.contains("sedan") && said.contains("hatchback") && said.ends_with("exit 0\n"), "{said}");
+    assert!(
+        said.contains("sedan") && said.contains("hatchback") && said.ends_with("exit 0\n"),
+        "{said}"
+    );
     let said = run(folder.path(), &["zoo", "show", "--out", "pictures"]);
     assert!(said.ends_with("--- exit 0\n"), "{said}");
     assert!(fs::read_dir(folder.path().join("pictures")).unwrap().count() >= 2);
