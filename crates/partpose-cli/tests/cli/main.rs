@@ -4,6 +4,7 @@
 #![allow(clippy::needless_raw_string_hashes, reason = "`UPDATE_EXPECT=1` writes them")]
 
 mod dataset_check;
+mod zoo;
 
 use std::path::Path;
 use std::process::Command;
