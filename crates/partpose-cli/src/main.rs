@@ -5,7 +5,6 @@ mod commands;
 mod pose_flags;
 mod progress;
 mod report;
-mod zoo_folder;
 
 use std::process::ExitCode;
 

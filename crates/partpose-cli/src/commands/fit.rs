@@ -15,7 +15,6 @@ use crate::commands::result_files::{self, Pictured};
 use crate::pose_flags::PoseFlags;
 use crate::progress;
 use crate::report::{Outcome, hint, note, warn};
-use crate::zoo_folder::load_zoo;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
@@ -75,7 +74,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         hint(error, "docs/formats.md, \"Detections\", lists the tensors, their shapes and types")
     })?;
     let camera = load_camera(&arguments.camera)?;
-    let zoo = load_zoo(&arguments.zoo)?;
+    let zoo = ModelZoo::load(&arguments.zoo)?;
     let estimator = PoseEstimator::new(&zoo, &arguments.pose.options());
     let extent = match arguments.extent {
         FitExtent::Model => ExtentSource::Model,

@@ -6,6 +6,7 @@
 mod bad_input;
 mod dataset_check;
 mod poses;
+mod zoo;
 
 use std::path::Path;
 use std::process::Command;

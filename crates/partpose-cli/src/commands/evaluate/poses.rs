@@ -14,13 +14,13 @@ use partpose::eval::{
 use partpose::files;
 use partpose::oracle::{Degradation, OracleBox};
 use partpose::pose::{Center2d, Center3d, PartFilters, PoseOptions};
+use partpose::vehicle::ModelZoo;
 
 use serde_json::json;
 
 use crate::pose_flags::PoseFlags;
 use crate::progress;
 use crate::report::{self, Outcome, hint, warn};
-use crate::zoo_folder::load_zoo;
 
 /// Vehicles that the strength of degradation is found on.
 const CALIBRATION_FRAMES: usize = 60;
@@ -139,7 +139,7 @@ fn evaluate(arguments: &Arguments) -> anyhow::Result<Evaluated> {
     let frames = frames(&dataset, &sequences, arguments.stride, &mut skipped)?;
     let mut rows: Vec<Vec<Row>> = configurations.iter().map(|_| Vec::new()).collect();
     for fold in folds(arguments)? {
-        let zoo = load_zoo(&zoo_path(arguments, fold))?;
+        let zoo = ModelZoo::load(&zoo_path(arguments, fold))?;
         let folds = match fold {
             Some(fold) => Some((fold, Folds::of(&dataset, &sequences, fold.count)?)),
             None => None,

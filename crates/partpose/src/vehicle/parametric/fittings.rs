@@ -40,7 +40,7 @@ pub(super) fn add_wheels(v: &ParametricVehicle, half: &mut Half) {
             let point = |step: usize| {
                 // Begins at the bottom, so that the wheel touches the ground.
                 let (sin, cos) = (TAU * step as f64 / WHEEL_STEPS as f64).sin_cos();
-                let is_dish = share > 0.2 && across == 0.27;
+                let is_dish = (0.2..0.6).contains(&share);
                 let spoke = if is_dish {
                     let wave = (SPOKES * TAU * step as f64 / WHEEL_STEPS as f64).cos();
                     0.5 * (1.0 + wave) * 0.11
