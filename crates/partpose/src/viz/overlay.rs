@@ -19,6 +19,8 @@ const MASK_OPACITY: [f32; 2] = [0.5, 0.78];
 const DETAILED_HEIGHT: u32 = 36;
 /// Opacity of the contours that another vehicle's model hides.
 const HIDDEN: f32 = 0.22;
+/// Opacity of the dark beside outlines; neighbouring pixels of a line add up.
+const HALO: f32 = 0.22;
 /// Radii of the dots of correspondences, in pixels, and what share of a box's height they take between them.
 const DOT_RADII: [f64; 2] = [1.5, 2.7];
 const DOT_SHARE: f64 = 0.03;
@@ -136,9 +138,20 @@ fn draw_estimate(
     let contours = contours(camera, model);
     let width = contours.size[0].max(1) as usize;
     let inner = if contours.size[1] >= DETAILED_HEIGHT { 0.75 } else { 0.0 };
+    let at = |i: usize| {
+        [contours.origin[0] + (i % width) as i32, contours.origin[1] + (i / width) as i32]
+    };
+    // Dark beside the outline, so that it stands out from bright ground.
+    for (i, _) in contours.outline.iter().enumerate().filter(|(_, outline)| **outline > 0.4) {
+        let [x, y] = at(i);
+        for [dx, dy] in [[-1, 0], [1, 0], [0, -1], [0, 1]] {
+            if camera.image_rect().contains(&Point2::new(f64::from(x + dx), f64::from(y + dy))) {
+                canvas.blend(x + dx, y + dy, palette::GROUND, HALO * opacity(x, y));
+            }
+        }
+    }
     for (i, (outline, seam)) in contours.outline.iter().zip(&contours.inner).enumerate() {
-        let x = contours.origin[0] + (i % width) as i32;
-        let y = contours.origin[1] + (i / width) as i32;
+        let [x, y] = at(i);
         let coverage = outline.max(inner * seam);
         if coverage > 0.0 {
             canvas.blend(x, y, palette::PREDICTED, coverage * opacity(x, y));
