@@ -93,7 +93,8 @@ pub(super) fn half_width(vehicle: &ParametricVehicle, p: Point) -> f64 {
         width -= vehicle.shoulder * shoulder * shoulder * (3.0 - 2.0 * shoulder);
         width -= rise * vehicle.tumblehome.to_radians().tan() + 0.12 * rise * rise;
     }
-    width
+    // However it is shaped, there is something between the sides.
+    width.max(0.1)
 }
 
 /// Where the side ends above: the upper curve lowered by crown and corner.
@@ -306,7 +307,7 @@ impl<'a> Corner<'a> {
         let outer = half_width(v, start);
         let lean =
             (outer - half_width(v, edge.below(on_curve, edge.crown))).clamp(0.0, edge.radii[0]);
-        let inner = outer - edge.radii[1] - lean;
+        let inner = (outer - edge.radii[1] - lean).max(0.02);
         Self { edge, on_curve, outer, inner, lean }
     }
 
