@@ -266,30 +266,8 @@ impl ParametricVehicle {
                 between(self.ground_clearance, 0.05, 0.5 * self.wheel_diameter),
                 "ground clearance and wheel diameter",
             ),
-            (
-                rising(&[
-                    self.ground_clearance + 0.16,
-                    self.nose_height,
-                    self.front_bumper_height,
-                    self.hood_front_height,
-                    self.cowl_height,
-                    header,
-                    self.height,
-                ]),
-                "the heights from nose to roof",
-            ),
-            (
-                rising(&[
-                    self.ground_clearance + 0.21,
-                    self.tail_height,
-                    self.rear_bumper_height,
-                    self.lip_height,
-                    self.deck_height,
-                    roof_end,
-                    self.height,
-                ]),
-                "the heights from tail to roof",
-            ),
+            (rising(&self.heights_to_front()), "the heights from nose to roof"),
+            (rising(&self.heights_to_rear()), "the heights from tail to roof"),
             (
                 between(self.windscreen_rake, 0.0, 80.0)
                     && between(self.rear_window_rake, 0.0, 80.0),
@@ -319,6 +297,32 @@ impl ParametricVehicle {
                 "tumblehome, shoulder and tapers",
             ),
             (corner(self.front_corner) && corner(self.rear_corner), "the corners"),
+        ]
+    }
+
+    /// What must rise from the bumper's lower edge over the nose to the roof.
+    fn heights_to_front(&self) -> [f64; 7] {
+        [
+            self.ground_clearance + 0.16,
+            self.nose_height,
+            self.front_bumper_height,
+            self.hood_front_height,
+            self.cowl_height,
+            self.height - self.header_drop,
+            self.height,
+        ]
+    }
+
+    /// The same over the tail.
+    fn heights_to_rear(&self) -> [f64; 7] {
+        [
+            self.ground_clearance + 0.21,
+            self.tail_height,
+            self.rear_bumper_height,
+            self.lip_height,
+            self.deck_height,
+            self.height - self.roof_end_drop,
+            self.height,
         ]
     }
 
