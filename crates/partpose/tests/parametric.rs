@@ -148,6 +148,57 @@ fn the_embedded_zoo_survives_the_disk() {
     }
 }
 
+/// Every measure of a vehicle, to change it.
+fn measures(v: &mut ParametricVehicle) -> Vec<&mut f64> {
+    let [a, b, c] = &mut v.front_corner;
+    let [d, e, f] = &mut v.rear_corner;
+    vec![
+        &mut v.length,
+        &mut v.width,
+        &mut v.height,
+        &mut v.wheelbase,
+        &mut v.front_overhang,
+        &mut v.track,
+        &mut v.wheel_diameter,
+        &mut v.tyre_width,
+        &mut v.ground_clearance,
+        &mut v.nose_height,
+        &mut v.front_bumper_height,
+        &mut v.hood_front_height,
+        &mut v.hood_setback,
+        &mut v.cowl_height,
+        &mut v.cowl_setback,
+        &mut v.windscreen_rake,
+        &mut v.header_drop,
+        &mut v.roof_end_drop,
+        &mut v.rear_window_rake,
+        &mut v.deck_height,
+        &mut v.deck_length,
+        &mut v.lip_height,
+        &mut v.lip_setback,
+        &mut v.rear_bumper_height,
+        &mut v.tail_height,
+        &mut v.belt_front,
+        &mut v.belt_rear,
+        &mut v.tumblehome,
+        &mut v.shoulder,
+        &mut v.front_taper,
+        &mut v.rear_taper,
+        &mut v.door_start,
+        &mut v.b_pillar,
+        &mut v.rear_door_end,
+        &mut v.quarter_glass_end,
+        &mut v.tail_lamp_top,
+        &mut v.tail_lamp_bottom,
+        a,
+        b,
+        c,
+        d,
+        e,
+        f,
+    ]
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
@@ -177,5 +228,19 @@ proptest! {
         prop_assert!(model.missing_parts().is_empty(), "{:?}", model.missing_parts());
         prop_assert!((model.extent().length - vehicle.length).abs() < 0.02);
         prop_assert!((model.extent().height - vehicle.height).abs() < 0.02);
+    }
+
+    #[test]
+    fn absurd_measures_never_make_the_maker_panic(
+        at in any::<prop::sample::Index>(),
+        factor in prop_oneof![
+            Just(f64::NAN), Just(f64::INFINITY), Just(0.0), Just(-1.0), Just(1e300), 0.3..3.0,
+        ],
+    ) {
+        let mut vehicle = ParametricVehicle::sedan();
+        let mut measures = measures(&mut vehicle);
+        let at = at.index(measures.len());
+        *measures[at] *= factor;
+        let _ = vehicle.build();
     }
 }

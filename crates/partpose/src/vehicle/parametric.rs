@@ -214,6 +214,9 @@ impl ParametricVehicle {
     ///
     /// Fails for parameters that make no vehicle.
     pub fn build(&self) -> Result<VehicleModel, ModelError> {
+        if let Some((_, what)) = self.requirements().into_iter().find(|(holds, _)| !holds) {
+            return Err(ModelError::Parameters(what));
+        }
         let mut half = loft::body(self);
         regions::paint(self, &mut half);
         fittings::add_wheels(self, &mut half);
@@ -224,6 +227,103 @@ impl ParametricVehicle {
         let size = high - low;
         let extent = Extent::new(size.x, size.y, size.z);
         VehicleModel::new(&self.name, &self.category, &self.body_style, extent, mesh)
+    }
+
+    /// What must hold for the curves to exist and to run from front to rear, with what is to blame if not.
+    fn requirements(&self) -> [(bool, &'static str); 12] {
+        let between = |value: f64, low: f64, high: f64| low <= value && value <= high;
+        let rising = |values: &[f64]| values.windows(2).all(|pair| pair[1] - pair[0] > 0.005);
+        let arch = self.arch_radius();
+        let rear_overhang = self.length - self.front_overhang - self.wheelbase;
+        let header = self.height - self.header_drop;
+        let roof_end = self.height - self.roof_end_drop;
+        let [cowl, foot] = [self.axles()[0] - self.cowl_setback, self.rear_window_foot()];
+        let roof_start =
+            cowl - (header - self.cowl_height) * self.windscreen_rake.to_radians().tan();
+        let roof_stop =
+            foot + (roof_end - self.deck_height) * self.rear_window_rake.to_radians().tan();
+        let corner = |[bulge, along, across]: [f64; 3]| {
+            between(bulge, 0.0, 0.3) && between(along, 0.02, 0.4) && between(across, 0.02, 0.45)
+        };
+        [
+            (
+                between(self.length, 2.0, 12.0)
+                    && between(self.width, 1.2, 3.0)
+                    && between(self.height, 1.0, 4.0),
+                "length, width and height",
+            ),
+            (
+                self.front_overhang > arch + 0.1
+                    && rear_overhang > arch + 0.05
+                    && self.wheelbase > 2.0 * arch + 0.3,
+                "overhangs, wheelbase and wheel diameter",
+            ),
+            (
+                between(self.track, 0.5, self.width) && between(self.tyre_width, 0.05, 0.5),
+                "track and tyre width",
+            ),
+            (
+                between(self.ground_clearance, 0.05, 0.5 * self.wheel_diameter),
+                "ground clearance and wheel diameter",
+            ),
+            (rising(&self.heights_to_front()), "the heights from nose to roof"),
+            (rising(&self.heights_to_rear()), "the heights from tail to roof"),
+            (
+                between(self.windscreen_rake, 0.0, 80.0)
+                    && between(self.rear_window_rake, 0.0, 80.0),
+                "the rakes",
+            ),
+            (
+                roof_start > roof_stop + 0.1
+                    && between(self.hood_setback, 0.05, 0.5)
+                    && self.nose() - self.hood_setback > cowl + 0.2,
+                "hood, windscreen, roof and rear window",
+            ),
+            (
+                between(self.lip_setback, 0.03, 0.5) && between(self.deck_length, 0.02, 2.0),
+                "lip and deck",
+            ),
+            (
+                [self.belt_front, self.belt_rear]
+                    .iter()
+                    .all(|belt| between(*belt, self.front_bumper_height + 0.1, header - 0.1)),
+                "the heights of the belt",
+            ),
+            (
+                between(self.tumblehome, 0.0, 35.0)
+                    && between(self.shoulder, 0.0, 0.15)
+                    && between(self.front_taper, 0.0, 0.25)
+                    && between(self.rear_taper, 0.0, 0.25),
+                "tumblehome, shoulder and tapers",
+            ),
+            (corner(self.front_corner) && corner(self.rear_corner), "the corners"),
+        ]
+    }
+
+    /// What must rise from the bumper's lower edge over the nose to the roof.
+    fn heights_to_front(&self) -> [f64; 7] {
+        [
+            self.ground_clearance + 0.16,
+            self.nose_height,
+            self.front_bumper_height,
+            self.hood_front_height,
+            self.cowl_height,
+            self.height - self.header_drop,
+            self.height,
+        ]
+    }
+
+    /// The same over the tail.
+    fn heights_to_rear(&self) -> [f64; 7] {
+        [
+            self.ground_clearance + 0.21,
+            self.tail_height,
+            self.rear_bumper_height,
+            self.lip_height,
+            self.deck_height,
+            self.height - self.roof_end_drop,
+            self.height,
+        ]
     }
 
     /// Longitudinal position of the foremost point; the origin is half-way to the rearmost one.

@@ -36,6 +36,8 @@ const UPPER_STEPS: usize = 5;
 const CORNER_STEPS: usize = 4;
 /// Where the columns of top and floor run, as shares of its half width; the first strip is the rim.
 const TOP_SHARES: [f64; 5] = [1.0, 0.9, 0.62, 0.31, 0.0];
+/// Most of a corner's depth that is sloped rather than round.
+const MOST_SLOPE: f64 = 0.35;
 /// Longest distance between rings along either curve, metres.
 const RING_DISTANCE: f64 = 0.1;
 
@@ -93,7 +95,8 @@ pub(super) fn half_width(vehicle: &ParametricVehicle, p: Point) -> f64 {
         width -= vehicle.shoulder * shoulder * shoulder * (3.0 - 2.0 * shoulder);
         width -= rise * vehicle.tumblehome.to_radians().tan() + 0.12 * rise * rise;
     }
-    width
+    // However it is shaped, there is something between the sides.
+    width.max(0.1)
 }
 
 /// Where the side ends above: the upper curve lowered by crown and corner.
@@ -118,6 +121,8 @@ pub(super) fn upper_curve(v: &ParametricVehicle) -> Path {
     let [crown_r, along_r, across_r] = v.rear_corner;
     let front = |inwards| Edge::new(inwards, crown_f, [along_f, across_f]);
     let rear = |inwards| Edge::new(inwards, crown_r, [along_r, across_r]);
+    // Shallower than the bumper's, so that rings stay in order where the corner runs out along the hood.
+    let hood_edge = Edge::new([-1.0, -0.3], 0.8 * crown_f, [0.75 * along_f, across_f]);
     let down = [0.0, -1.0];
     // Without a notch the rear window wraps round the corners like the panel below it.
     let notch = (v.deck_length / 0.3).min(1.0);
@@ -129,7 +134,7 @@ pub(super) fn upper_curve(v: &ParametricVehicle) -> Path {
     let mut path = Path(vec![
         knot(nose, v.nose_height, 0.0, front([-1.0, 0.0])),
         knot(nose - 0.02, v.front_bumper_height, 0.05, front([-1.0, 0.0])),
-        knot(hood_start, v.hood_front_height, 0.07, front([-1.0, -0.25])),
+        knot(hood_start, v.hood_front_height, 0.07, hood_edge),
         knot(hood_middle, hood_middle_height, 0.5, Edge::new(down, 0.05, [0.07, 0.12])),
         knot(cowl, v.cowl_height, 0.06, Edge::new(down, 0.05, [0.04, 0.07])),
         knot(header, header_height, 0.22, Edge::new(down, 0.05, [0.06, 0.09])),
@@ -306,7 +311,7 @@ impl<'a> Corner<'a> {
         let outer = half_width(v, start);
         let lean =
             (outer - half_width(v, edge.below(on_curve, edge.crown))).clamp(0.0, edge.radii[0]);
-        let inner = outer - edge.radii[1] - lean;
+        let inner = (outer - edge.radii[1] - lean).max(0.02);
         Self { edge, on_curve, outer, inner, lean }
     }
 
@@ -314,7 +319,11 @@ impl<'a> Corner<'a> {
     fn at(&self, share: f64) -> (f64, Point) {
         let (sin, cos) = (share * std::f64::consts::FRAC_PI_2).sin_cos();
         let lateral = self.outer - self.edge.radii[1] * (1.0 - cos) - self.lean * sin;
-        let depth = self.edge.crown + self.edge.radii[0] * (1.0 - sin);
+        // The crown's slope goes on into the corner, as far as there is depth for it.
+        let [along, across] = self.edge.radii;
+        let slope = 2.0 * self.edge.crown / self.inner;
+        let drop = (slope * across).min(MOST_SLOPE * along);
+        let depth = self.edge.crown + drop * cos + (along - drop) * (1.0 - sin);
         (lateral, self.edge.below(self.on_curve, depth))
     }
 }
