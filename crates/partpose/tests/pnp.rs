@@ -262,3 +262,10 @@ fn bad_input_is_refused_with_its_reason() {
         Err(PnpError::BehindCamera)
     );
 }
+
+#[test]
+fn sqpnp_finds_the_exact_pose_after_a_descent_that_ran_out_of_steps() {
+    let p = problem(14_662_815_187_039_381_954, 17, false);
+    let minima = sqpnp(&p.correspondences, &p.camera).unwrap();
+    assert!(error(&minima[0].pose, &p.camera_from_object) < EXACT);
+}

@@ -139,16 +139,25 @@ impl Minima {
     }
 
     fn descend(&mut self, form: &LinearForm, start: Matrix3<f64>) {
-        let is_known = |rotation: &Matrix3<f64>| {
-            // The Frobenius norm of a difference of rotations is the root of 2 times the angle between them.
-            let near = 2.0 * SAME * SAME;
-            self.found[..self.len].iter().any(|m| (m.rotation - rotation).norm_squared() < near)
+        // The Frobenius norm of a difference of rotations is the root of 2 times the angle between them.
+        let same = |m: &Minimum, rotation: &Matrix3<f64>| {
+            (m.rotation - rotation).norm_squared() < 2.0 * SAME * SAME
+        };
+        let known = &self.found[..self.len];
+        // One that has already fallen deeper was not found yet, but where a descent ran out of steps.
+        let is_known = |rotation: &Matrix3<f64>, error: f64| {
+            known.iter().any(|m| same(m, rotation) && error >= m.error)
         };
         let Some((rotation, error)) = descend(&form.omega, start, is_known) else { return };
         if !error.is_finite() || !(form.centroid_in_camera(&columns(&rotation)).z > 0.0) {
             return;
         }
         self.least = self.least.min(error);
+        let twin = self.found[..self.len].iter_mut().find(|m| same(m, &rotation));
+        if let Some(twin) = twin {
+            *twin = Minimum { rotation, error };
+            return;
+        }
         if self.len < MAX_MINIMA {
             self.found[self.len] = Minimum { rotation, error };
             self.len += 1;
@@ -177,7 +186,7 @@ fn apply(omega: &[Nine; 9], rotation: &Matrix3<f64>) -> (Matrix3<f64>, f64) {
 fn descend(
     omega: &[Nine; 9],
     start: Matrix3<f64>,
-    is_known: impl Fn(&Matrix3<f64>) -> bool,
+    is_known: impl Fn(&Matrix3<f64>, f64) -> bool,
 ) -> Option<(Matrix3<f64>, f64)> {
     let mut rotation = start;
     let (mut image, mut error) = apply(omega, &rotation);
@@ -204,7 +213,7 @@ fn descend(
         }
         let Some((next, next_image, next_error, step2)) = accepted else { break };
         (rotation, image, error) = (next, next_image, next_error);
-        if is_known(&rotation) {
+        if is_known(&rotation, error) {
             return None;
         }
         damping = if damping > 1e-6 * size { damping * 0.1 } else { 0.0 };
