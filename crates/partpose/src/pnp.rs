@@ -7,6 +7,15 @@
 //! All arithmetic is `f64`. No function here panics or returns a pose with NaN, whatever the numbers it is given; few
 //! points (up to 32) are handled without touching the heap.
 
+#![expect(
+    clippy::neg_cmp_op_on_partial_ord,
+    reason = "`!(a > b)` is also true of NaN, which must fail every test of being usable"
+)]
+#![expect(
+    clippy::needless_range_loop,
+    reason = "matrix formulas over fixed arrays are written with their indices, as on paper"
+)]
+
 mod buffer;
 mod epnp;
 mod linalg;

@@ -3,8 +3,9 @@
 use partpose::{
     geometry::{Camera, Point2, Point3, Pose},
     pnp::{
-        Correspondence, PnpError, RansacOptions, RefineOptions, epnp, p3p, ransac, refine,
-        reprojection_rmse, solve, sqpnp,
+        Correspondence, HeightPrior, PnpError, Priors, RansacOptions, RefineOptions, TiltPrior,
+        WeightedCorrespondence, epnp, p3p, ransac, refine, refine_weighted, reprojection_rmse,
+        solve, sqpnp,
         synthetic::{SyntheticOptions, SyntheticProblem, synthetic_problem},
     },
 };
@@ -268,4 +269,106 @@ fn sqpnp_finds_the_exact_pose_after_a_descent_that_ran_out_of_steps() {
     let p = problem(14_662_815_187_039_381_954, 17, false);
     let minima = sqpnp(&p.correspondences, &p.camera).unwrap();
     assert!(error(&minima[0].pose, &p.camera_from_object) < EXACT);
+}
+
+#[test]
+fn covariance_tells_the_true_spread() {
+    // e' C^-1 e of the error (w, dt) has the median 5.35 of a chi-square with 6 degrees of freedom.
+    let mut squares = Vec::new();
+    for seed in 0..600 {
+        let options = SyntheticOptions { points: 12, sigma: 0.7, ..Default::default() };
+        let p = synthetic_problem(seed, &options);
+        let options = RefineOptions { sigma: 0.7, ..Default::default() };
+        let truth = p.camera_from_object;
+        let refined = refine(&p.correspondences, &p.camera, &truth, &options).unwrap();
+        let turn = (truth.rotation * refined.pose.rotation.inverse()).scaled_axis();
+        let shift = truth.translation.vector - refined.pose.translation.vector;
+        let error = nalgebra::Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z);
+        let solved = refined.covariance.lu().solve(&error).unwrap();
+        squares.push(error.dot(&solved));
+    }
+    squares.sort_by(f64::total_cmp);
+    let median = squares[squares.len() / 2];
+    // Its standard deviation over 600 trials is about 0.17.
+    assert!((4.8..6.0).contains(&median), "{median}");
+}
+
+#[test]
+fn equal_covariances_refine_like_one_sigma() {
+    let options = SyntheticOptions { points: 9, sigma: 2.0, ..Default::default() };
+    let p = synthetic_problem(7, &options);
+    let weighted: Vec<_> = p
+        .correspondences
+        .iter()
+        .map(|c| WeightedCorrespondence {
+            correspondence: *c,
+            covariance: nalgebra::Matrix2::from_diagonal_element(4.0),
+        })
+        .collect();
+    let options = RefineOptions { sigma: 2.0, ..Default::default() };
+    let plain = refine(&p.correspondences, &p.camera, &p.camera_from_object, &options).unwrap();
+    let weighted = refine_weighted(&weighted, &p.camera, &p.camera_from_object, &options).unwrap();
+    assert!(error(&plain.pose, &weighted.pose) < 1e-9);
+    assert!((plain.cost - weighted.cost).abs() < 1e-9);
+}
+
+#[test]
+fn a_point_known_along_one_direction_only_pulls_along_it_only() {
+    let p = problem(3, 8, false);
+    let mut weighted: Vec<_> = p
+        .correspondences
+        .iter()
+        .map(|c| WeightedCorrespondence {
+            correspondence: *c,
+            covariance: nalgebra::Matrix2::identity(),
+        })
+        .collect();
+    // The first pixel is off by 50 along (1, 1), the direction in which nothing is known of it.
+    weighted[0].correspondence.point_in_image += nalgebra::Vector2::new(50.0, 50.0);
+    let (along, across) = (1e8, 1.0);
+    let (mean, half) = (0.5 * (along + across), 0.5 * (along - across));
+    weighted[0].covariance = nalgebra::Matrix2::new(mean, half, half, mean);
+    let options = RefineOptions::default();
+    let refined = refine_weighted(&weighted, &p.camera, &p.camera_from_object, &options).unwrap();
+    assert!(error(&refined.pose, &p.camera_from_object) < 1e-4);
+    weighted[0].covariance = nalgebra::Matrix2::new(1.0, 2.0, 2.0, 1.0);
+    let refused = refine_weighted(&weighted, &p.camera, &p.camera_from_object, &options);
+    assert_eq!(refused, Err(PnpError::NotPositive));
+}
+
+#[test]
+fn priors_pull_towards_what_is_known() {
+    let (mut with, mut without) = (0.0, 0.0);
+    for seed in 0..100 {
+        let mut options = SyntheticOptions { points: 6, sigma: 2.0, ..Default::default() };
+        options.distance = [20.0, 40.0];
+        let p = synthetic_problem(seed, &options);
+        let truth = p.camera_from_object;
+        let up_in_object = -nalgebra::Vector3::y();
+        let priors = Priors {
+            // Gravity is chosen such that the prior is true.
+            tilt: Some(TiltPrior {
+                up_in_object,
+                down_in_camera: -(truth.rotation * up_in_object),
+                sigma: 0.02,
+            }),
+            height: Some(HeightPrior {
+                point_in_object: Point3::new(0.1, 0.7, -0.2),
+                down_in_camera: nalgebra::Vector3::y(),
+                below_camera: (truth * Point3::new(0.1, 0.7, -0.2)).y,
+                sigma: 0.05,
+            }),
+        };
+        assert!(priors.cost(&truth) < 1e-18);
+        let plain = RefineOptions { sigma: 2.0, ..Default::default() };
+        let known = RefineOptions { priors, ..plain };
+        let angle = |options: &RefineOptions| {
+            let refined = refine(&p.correspondences, &p.camera, &truth, options).unwrap();
+            assert!(refined.converged);
+            refined.pose.rotation.angle_to(&truth.rotation)
+        };
+        with += angle(&known);
+        without += angle(&plain);
+    }
+    assert!(with < 0.8 * without, "{with} {without}");
 }
