@@ -59,7 +59,10 @@ pub fn epnp(correspondences: &[Correspondence], camera: &Camera) -> Result<Pose,
             best.offer(&combine(&weakest, &betas));
         }
     }
-    best.best.map(|(_, pose)| pose).ok_or(PnpError::BehindCamera)
+    let (_, pose) = best.best.ok_or(PnpError::BehindCamera)?;
+    // A point within rounding of the camera's plane may have changed sides when the matrix became a quaternion.
+    let in_front = correspondences.iter().all(|c| (pose * c.point_in_object).z > 0.0);
+    if in_front { Ok(pose) } else { Err(PnpError::BehindCamera) }
 }
 
 /// Camera coordinates of the centroid, then of the three other control points relative to it; 3 numbers each.
