@@ -15,6 +15,7 @@ mod half;
 mod hull;
 mod labels;
 mod occluders;
+mod quality;
 mod simplify;
 mod surface;
 mod view;
@@ -26,6 +27,8 @@ use rayon::prelude::*;
 use crate::dataset::{DatasetError, Frame, SequenceId};
 use crate::geometry::Extent;
 use crate::vehicle::{Mesh, ModelError, VehicleModel};
+
+pub use quality::{FILL_SLACK, QualityOptions, SIDES, ViewQuality, measure_quality};
 
 use contour::ContourOptions;
 use hull::{Grid, VoteOptions};
@@ -365,6 +368,9 @@ fn median_extent(views: &[View]) -> Extent {
     Extent::new(median(|e| e.width), median(|e| e.height), median(|e| e.length))
 }
 
+/// Longest edge of a face that is labelled, metres.
+const LABEL_EDGE: f64 = 0.03;
+
 /// Faces of the half whose outlines are fitted.
 const FIT_FACES: usize = 10_000;
 
@@ -500,7 +506,7 @@ fn finish(
     };
     let outline_error = contour::fit(&mut half, &usable, &extent, &contour);
     tell("labels");
-    let (half, _) = simplify::subdivide(&half, &[]);
+    let half = simplify::refine(&half, LABEL_EDGE);
     let votes = labels::votes(&half, &usable, &extent);
     let labels = labels::labels(&half, &votes, 10, 0.6);
     tell("simplify");

@@ -1,6 +1,7 @@
 //! `partpose zoo`: makes and inspects annotated models.
 
 mod carve;
+mod carve_report;
 mod list;
 mod show;
 

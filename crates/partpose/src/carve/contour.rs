@@ -17,6 +17,9 @@ use super::half::{HalfMesh, edges};
 use super::hull::is_part;
 use super::view::{AMBIGUOUS, UNKNOWN, View};
 
+/// Largest move of a vertex in one round, metres.
+const MAX_MOVE: f64 = 0.04;
+
 /// How the outlines are matched.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ContourOptions {
@@ -198,7 +201,7 @@ pub(super) fn fit(
         let moves = diffuse(&targets, &near, options.stiffness);
         let normals = half.normals();
         for (n, vertex) in half.vertices.iter_mut().enumerate() {
-            *vertex += normals[n] * (0.8 * moves[n]);
+            *vertex += normals[n] * (0.8 * moves[n]).clamp(-MAX_MOVE, MAX_MOVE);
             if half.on_plane[n] {
                 vertex.x = 0.0;
             } else {

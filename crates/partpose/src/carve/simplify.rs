@@ -6,7 +6,7 @@
 //! is done only where the surface stays a manifold (link condition) and no face turns over.
 
 use std::cmp::{Ordering, Reverse};
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -306,24 +306,38 @@ fn add_plane(
     }
 }
 
-/// Splits every face in four at the middles of its edges; labels are inherited.
-pub(super) fn subdivide(half: &HalfMesh, labels: &[u8]) -> (HalfMesh, Vec<u8>) {
-    let mut fine = half.clone();
-    let mut middle = std::collections::BTreeMap::new();
-    fine.faces.clear();
-    let mut kept = Vec::new();
-    let border = edges(&half.faces);
-    for (edge, faces) in &border {
-        let [a, b] = edge.map(|n| half.vertices[n as usize]);
-        middle.insert(*edge, fine.vertices.len() as u32);
-        fine.vertices.push(nalgebra::center(&a, &b));
-        fine.on_plane.push(faces.len() == 1);
+/// Splits edges at their middles until none is longer than `longest`.
+pub(super) fn refine(half: &HalfMesh, longest: f64) -> HalfMesh {
+    let mut mesh = half.clone();
+    loop {
+        let mut middle = BTreeMap::new();
+        for (edge, faces) in edges(&mesh.faces) {
+            let [a, b] = edge.map(|n| mesh.vertices[n as usize]);
+            if (a - b).norm() > longest {
+                middle.insert(edge, mesh.vertices.len() as u32);
+                mesh.vertices.push(nalgebra::center(&a, &b));
+                mesh.on_plane.push(faces.len() == 1);
+            }
+        }
+        if middle.is_empty() {
+            return mesh;
+        }
+        let at = |a: u32, b: u32| middle.get(&[a.min(b), a.max(b)]).copied();
+        let mut faces = Vec::with_capacity(2 * mesh.faces.len());
+        for [a, b, c] in mesh.faces {
+            match [at(a, b), at(b, c), at(c, a)] {
+                [None, None, None] => faces.push([a, b, c]),
+                [Some(m), None, None] => faces.extend([[a, m, c], [m, b, c]]),
+                [None, Some(m), None] => faces.extend([[b, m, a], [m, c, a]]),
+                [None, None, Some(m)] => faces.extend([[c, m, b], [m, a, b]]),
+                [Some(m), Some(n), None] => faces.extend([[m, b, n], [a, m, n], [a, n, c]]),
+                [None, Some(m), Some(n)] => faces.extend([[m, c, n], [b, m, n], [b, n, a]]),
+                [Some(n), None, Some(m)] => faces.extend([[m, a, n], [c, m, n], [c, n, b]]),
+                [Some(m), Some(n), Some(o)] => {
+                    faces.extend([[a, m, o], [m, b, n], [o, n, c], [m, n, o]])
+                }
+            }
+        }
+        mesh.faces = faces;
     }
-    for (n, [a, b, c]) in half.faces.iter().copied().enumerate() {
-        let at = |a: u32, b: u32| middle[&[a.min(b), a.max(b)]];
-        let (ab, bc, ca) = (at(a, b), at(b, c), at(c, a));
-        fine.faces.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-        kept.extend(labels.get(n).map(|label| [*label; 4]).into_iter().flatten());
-    }
-    (fine, kept)
 }

@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
-use partpose::carve::{CarveOptions, Progress, carve_models};
+use partpose::carve::{CarveOptions, Progress, QualityOptions, carve_models, measure_quality};
 use partpose::dataset::folds::{Fold, Folds};
 use partpose::dataset::{Dataset, Frame, SequenceId};
 use partpose::vehicle::ModelZoo;
 
+use super::carve_report;
 use crate::progress;
 use crate::report::{self, Outcome, hint};
 
@@ -85,6 +86,24 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         None => error.into(),
     })?;
     if let Some(folder) = &arguments.report {
+        let bar = progress::bar("measuring", 1);
+        let mut observe = |progress| {
+            if let Progress::Reading { done, total } = progress {
+                bar.set_length(total as u64);
+                bar.set_position(done as u64);
+            }
+        };
+        let chosen =
+            |sequence: &SequenceId, track: u32| folds.is_none() || leave_out(sequence, track);
+        let views = measure_quality(
+            &frames,
+            &zoo.models,
+            &chosen,
+            &QualityOptions::default(),
+            &mut observe,
+        );
+        bar.finish_and_clear();
+        table = table + "\n" + &carve_report::write(folder, &zoo.models, &views)?;
         for model in &zoo.models {
             let path = folder.join(format!("{}.png", model.name()));
             partpose::files::write_png(&path, &turntable(model))?;
