@@ -1,6 +1,9 @@
 //! The `partpose` command line: parses what was typed, calls the library, reports.
 
+mod camera;
 mod commands;
+mod pose_flags;
+mod progress;
 mod report;
 
 use std::process::ExitCode;

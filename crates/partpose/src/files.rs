@@ -114,6 +114,16 @@ pub fn read_rgb(path: &Path) -> Result<RgbImage, FileError> {
     Ok(RgbImage { size: [image.width(), image.height()], pixels: image.into_raw() })
 }
 
+/// Width and height of a PNG or JPEG image in pixels, from its header alone.
+pub fn image_size(path: &Path) -> Result<[u32; 2], FileError> {
+    let file = File::open(path).map_err(|source| FileError::io(path, source))?;
+    let reader = image::ImageReader::new(io::BufReader::new(file)).with_guessed_format();
+    let reader = reader.map_err(|source| FileError::io(path, source))?;
+    let failed = |source| FileError::Image { path: path.to_owned(), source };
+    let (width, height) = reader.into_dimensions().map_err(failed)?;
+    Ok([width, height])
+}
+
 /// Writes a file as a whole: into a temporary file beside it, which then takes its name.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let failed = |source| FileError::io(path, source);
@@ -176,6 +186,7 @@ mod tests {
         let image = RgbImage { size: [3, 2], pixels: (0..18).collect() };
         write_png(&path, &image).unwrap();
         assert_eq!(read_rgb(&path).unwrap(), image);
+        assert_eq!(image_size(&path).unwrap(), [3, 2]);
     }
 
     #[test]

@@ -3,10 +3,12 @@
 mod class;
 mod map;
 mod mask;
+mod probabilities;
 
 pub use class::{CoarseClass, FineClass, PartClass, PartGroup};
 pub use map::PartMap;
 pub use mask::PartMask;
+pub use probabilities::{PartProbabilities, ProbabilityError, Scaling, upscale_labels};
 
 /// Outputs of a part classifier: background, then the 29 parts.
 pub const CHANNELS: usize = PartClass::COUNT + 1;

@@ -1,1 +1,16 @@
-//! (to be written)
+//! Stage II of the paper: from a detection's part mask to pose, size and model.
+//!
+//! 2D centres of the parts ([`part_evidence`]), filters ([`PartFilters`]), 3D centres of each model, PnP for every model
+//! of the zoo, and the model with the lowest reprojection error wins ([`PoseEstimator`]).
+
+mod centers;
+mod estimator;
+mod filters;
+mod visible;
+
+pub use centers::{Center2d, Center3d, PartEvidence, model_centers, part_evidence};
+pub use estimator::{
+    Candidate, ExtentSource, NoPose, PartCorrespondence, PnpMethod, PoseEstimate, PoseEstimator,
+    PoseOptions,
+};
+pub use filters::{DEFAULT_SMALL_PART, PartFilters};

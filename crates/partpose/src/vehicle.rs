@@ -1,7 +1,18 @@
 //! Annotated vehicle models and the zoo that holds them.
 
+mod glb;
+mod glb_read;
+mod glb_schema;
+mod glb_write;
+mod mesh;
 mod model;
+mod parametric;
 mod zoo;
 
-pub use model::{Mesh, ModelError, VehicleModel};
-pub use zoo::ModelZoo;
+pub use glb::{GlbError, MAX_COORDINATE, MAX_FACES, PrimitiveFault};
+pub use glb_read::from_glb;
+pub use glb_write::to_glb;
+pub use mesh::Mesh;
+pub use model::{ModelError, VehicleModel};
+pub use parametric::ParametricVehicle;
+pub use zoo::{ModelZoo, ZooError};

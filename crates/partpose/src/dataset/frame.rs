@@ -7,7 +7,7 @@ use crate::files;
 use crate::geometry::{Camera, Cuboid, Pose, Rect};
 use crate::parts::{PartClass, PartMask};
 
-use super::DatasetError;
+use super::{DatasetError, Problem};
 
 /// A run of consecutive frames: world and variation in Virtual KITTI's words (`0018`, `clone`).
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -20,6 +20,9 @@ pub struct SequenceId {
 
 impl fmt::Display for SequenceId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.variation.is_empty() {
+            return f.write_str(&self.world);
+        }
         write!(f, "{}/{}", self.world, self.variation)
     }
 }
@@ -51,6 +54,29 @@ pub struct VehicleLabel {
     pub color: Option<String>,
 }
 
+/// What could be read of a sequence, and what could not.
+#[derive(Clone, Debug, Default)]
+pub struct SequenceFrames {
+    /// The good frames in the order of their index.
+    pub frames: Vec<Frame>,
+    /// What was wrong, in the order of reading; at most [`super::MAX_PROBLEMS`].
+    pub problems: Vec<Problem>,
+    /// How many problems more there were.
+    pub problems_omitted: usize,
+    /// Indices of the frames that were left out because something in them is wrong.
+    pub skipped: Vec<u32>,
+    /// For every frame the lines of its vehicles.
+    pub(super) lines: Vec<Vec<usize>>,
+}
+
+impl SequenceFrames {
+    /// The line, counted from 1, that labels vehicle `vehicle` of frame `frame` (positions in the lists, which must
+    /// be as they were read).
+    pub fn line_of(&self, frame: usize, vehicle: usize) -> Option<usize> {
+        self.lines.get(frame)?.get(vehicle).copied()
+    }
+}
+
 /// One image with its camera, its labels, and where its files are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
@@ -64,17 +90,48 @@ pub struct Frame {
     pub world_from_camera: Option<Pose>,
     /// All labelled vehicles, those to ignore included.
     pub vehicles: Vec<VehicleLabel>,
+    /// Areas where the data set neither confirms nor denies vehicles (KITTI's `DontCare`).
+    pub ignored: Vec<Rect>,
     /// The RGB image, where it exists.
     pub image: Option<PathBuf>,
     /// The part mask, where it exists.
     pub parts: Option<PathBuf>,
+    /// Depth along z in centimetres, 16-bit PNG, where it exists.
+    pub depth: Option<PathBuf>,
+    /// Class colours, where they exist; [`super::Dataset::segment_colors`] explains them.
+    pub classes: Option<PathBuf>,
+    /// Instances, where they exist: colours of [`super::Dataset::segment_colors`] in Virtual KITTI 1.3.1 (one image
+    /// with the classes), track + 1 as palette index in 2.0.3.
+    pub instances: Option<PathBuf>,
 }
 
 impl Frame {
+    /// A frame without labels and files.
+    pub fn new(sequence: SequenceId, index: u32, camera: Camera) -> Self {
+        Self {
+            sequence,
+            index,
+            camera,
+            world_from_camera: None,
+            vehicles: Vec::new(),
+            ignored: Vec::new(),
+            image: None,
+            parts: None,
+            depth: None,
+            classes: None,
+            instances: None,
+        }
+    }
+
+    /// Name for messages: world, variation and index.
+    pub fn name(&self) -> String {
+        format!("{}/{:05}", self.sequence, self.index)
+    }
+
     /// Reads the part mask in the author's colours; an error where there is none or it has another size.
     pub fn read_parts(&self) -> Result<PartMask, DatasetError> {
         let path = self.parts.clone().ok_or_else(|| DatasetError::Image {
-            path: PathBuf::from(format!("{}/{:05}", self.sequence, self.index)),
+            path: PathBuf::from(self.name()),
             reason: "the frame has no part mask".to_owned(),
         })?;
         let image = files::read_rgb(&path)?;

@@ -1,21 +1,63 @@
 //! Virtual KITTI 1.3.1 (Gaidon, Wang, Cabon, Vig: *Virtual Worlds as Proxy for Multi-Object Tracking Analysis*, CVPR 2016).
+//!
+//! Only the archive `motgt` is needed. Frames come from `extrinsicsgt` where that is present (every frame has a row
+//! there), else from `motgt`, where frames without vehicles have none. RGB, depth, segmentation and part masks are
+//! named where they exist and never opened here.
 
-use std::f64::consts::FRAC_PI_2;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Matrix3, Translation3, UnitQuaternion};
-
 use crate::files::{self, FileError};
-use crate::geometry::{Camera, Cuboid, EulerAngles, Extent, Pose, Rect, Rotation3, Vector3};
+use crate::geometry::Rect;
 
-use super::{DatasetError, Frame, SequenceId, VehicleLabel};
+use super::collect::{self, Drafts, VKITTI_CAMERA};
+use super::colors::SegmentColor;
+use super::problem::Problem;
+use super::table::{self, MAX_FRAME, Row};
+use super::vkitti::{self, CuboidColumns};
+use super::{DatasetError, Frame, SequenceFrames, SequenceId, VehicleLabel};
 
-/// The one camera of all worlds.
-const CAMERA: Camera = Camera::pinhole(725.0, [620.5, 187.0], [1242, 375]);
-const MOTGT: &str = "vkitti_1.3.1_motgt";
-const EXTRINSICS: &str = "vkitti_1.3.1_extrinsicsgt";
-const RGB: &str = "vkitti_1.3.1_rgb";
+pub(super) const MOTGT: &str = "vkitti_1.3.1_motgt";
+pub(super) const EXTRINSICS: &str = "vkitti_1.3.1_extrinsicsgt";
+pub(super) const RGB: &str = "vkitti_1.3.1_rgb";
+pub(super) const DEPTH: &str = "vkitti_1.3.1_depthgt";
+pub(super) const SCENE: &str = "vkitti_1.3.1_scenegt";
+pub(super) const PARTS: &str = "parts";
+
+const MOTGT_COLUMNS: &[&str] = &[
+    "frame",
+    "tid",
+    "label",
+    "truncated",
+    "occluded",
+    "alpha",
+    "l",
+    "t",
+    "r",
+    "b",
+    "w3d",
+    "h3d",
+    "l3d",
+    "x3d",
+    "y3d",
+    "z3d",
+    "ry",
+    "rx",
+    "rz",
+    "truncr",
+    "occupr",
+    "orig_label",
+    "moving",
+    "model",
+    "color",
+];
+/// The published header ends in `0 0.1 0.2 1` or `0 0 0 1`: columns without a name.
+const EXTRINSICS_COLUMNS: &[&str] = &[
+    "frame", "r1,1", "r1,2", "r1,3", "t1", "r2,1", "r2,2", "r2,3", "t2", "r3,1", "r3,2", "r3,3",
+    "t3", "", "", "", "",
+];
+const CUBOID: CuboidColumns =
+    CuboidColumns { extent: [10, 11, 12], position: [13, 14, 15], angles: [16, 17, 18] };
 
 /// The sequences that have ground truth, sorted; none if the folder has another layout.
 pub(super) fn sequences(root: &Path) -> Result<Vec<SequenceId>, DatasetError> {
@@ -37,122 +79,100 @@ pub(super) fn sequences(root: &Path) -> Result<Vec<SequenceId>, DatasetError> {
     Ok(found)
 }
 
+/// The file with a sequence's labels.
+pub(super) fn label_file(root: &Path, sequence: &SequenceId) -> PathBuf {
+    root.join(MOTGT).join(format!("{}_{}.txt", sequence.world, sequence.variation))
+}
+
 /// One frame for every row of the extrinsics, or for every frame with vehicles where there are none.
-pub(super) fn frames(root: &Path, sequence: &SequenceId) -> Result<Vec<Frame>, DatasetError> {
-    let stem = format!("{}_{}.txt", sequence.world, sequence.variation);
-    let mut frames: Vec<Frame> = Vec::new();
-    let extrinsics = root.join(EXTRINSICS).join(&stem);
+pub(super) fn read(root: &Path, sequence: &SequenceId) -> Result<SequenceFrames, DatasetError> {
+    let archives = Archives::new(root, sequence);
+    let mut drafts = Drafts::default();
+    let motgt = label_file(root, sequence);
+    let extrinsics =
+        root.join(EXTRINSICS).join(motgt.file_name().expect("a label file has a name"));
     if extrinsics.is_file() {
-        let text = files::read_text(&extrinsics)?;
-        for (line, row) in rows(&extrinsics, &text, 17) {
-            let row = row?;
-            let numbers = row.numbers(&extrinsics, line, 0..17)?;
-            let m = |r: usize, c: usize| numbers[1 + 4 * r + c];
-            let rotation = Matrix3::from_fn(m);
-            let camera_from_world = Pose::from_parts(
-                Translation3::new(m(0, 3), m(1, 3), m(2, 3)),
-                UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&rotation)),
-            );
-            let mut frame = empty_frame(root, sequence, numbers[0] as u32);
-            frame.world_from_camera = Some(camera_from_world.inverse());
-            frames.push(frame);
+        let poses =
+            vkitti::extrinsics(&extrinsics, EXTRINSICS_COLUMNS, None, &mut drafts.problems)?;
+        for (index, pose) in poses {
+            let draft = drafts.frame(index, || archives.frame(sequence, index));
+            draft.frame.world_from_camera = Some(pose);
         }
     }
-    let motgt = root.join(MOTGT).join(&stem);
     let text = files::read_text(&motgt)?;
-    for (line, row) in rows(&motgt, &text, 25) {
-        let (index, vehicle) = parse_vehicle(&motgt, line, &row?)?;
-        match frames.binary_search_by_key(&index, |frame| frame.index) {
-            Ok(at) => frames[at].vehicles.push(vehicle),
-            Err(at) => {
-                let mut frame = empty_frame(root, sequence, index);
-                frame.vehicles.push(vehicle);
-                frames.insert(at, frame);
-            }
+    for row in table::rows(&motgt, &text, MOTGT_COLUMNS, &mut drafts.problems)? {
+        let parsed = vehicle(&row);
+        if let Some((index, vehicle)) = drafts.problems.keep(parsed) {
+            drafts.add(&row, index, vehicle, || archives.frame(sequence, index));
         }
     }
-    Ok(frames)
+    Ok(drafts.finish())
 }
 
-fn empty_frame(root: &Path, sequence: &SequenceId, index: u32) -> Frame {
-    let file = |folder: &str| -> Option<PathBuf> {
-        let path = root.join(folder).join(&sequence.world).join(&sequence.variation);
-        let path = path.join(format!("{index:05}.png"));
-        path.is_file().then_some(path)
-    };
-    Frame {
-        sequence: sequence.clone(),
-        index,
-        camera: CAMERA,
-        world_from_camera: None,
-        vehicles: Vec::new(),
-        image: file(RGB),
-        parts: file("parts"),
-    }
+/// The colours of the sequence's `scenegt` images.
+pub(super) fn colors(root: &Path, id: &SequenceId) -> Result<Vec<SegmentColor>, DatasetError> {
+    let name = format!("{}_{}_scenegt_rgb_encoding.txt", id.world, id.variation);
+    super::colors::read(&root.join(SCENE).join(name))
 }
 
-struct Row<'a>(Vec<&'a str>);
+/// Folders of a sequence that exist; what is absent costs nothing per frame.
+struct Archives {
+    rgb: Option<PathBuf>,
+    parts: Option<PathBuf>,
+    depth: Option<PathBuf>,
+    scene: Option<PathBuf>,
+}
 
-/// The lines after the header, with their number, split into `columns` fields.
-fn rows<'a>(
-    path: &'a Path,
-    text: &'a str,
-    columns: usize,
-) -> impl Iterator<Item = (usize, Result<Row<'a>, DatasetError>)> {
-    let lines = text.lines().enumerate().skip(1).filter(|(_, line)| !line.trim().is_empty());
-    lines.map(move |(i, line)| {
-        let fields: Vec<&str> = line.split_ascii_whitespace().collect();
-        let row = if fields.len() == columns {
-            Ok(Row(fields))
-        } else {
-            let reason = format!("{} columns, but {columns} are needed", fields.len());
-            Err(DatasetError::Line { path: path.to_owned(), line: i + 1, reason })
+impl Archives {
+    fn new(root: &Path, sequence: &SequenceId) -> Self {
+        let folder = |name: &str| {
+            let path = root.join(name).join(&sequence.world).join(&sequence.variation);
+            path.is_dir().then_some(path)
         };
-        (i + 1, row)
-    })
-}
+        Self { rgb: folder(RGB), parts: folder(PARTS), depth: folder(DEPTH), scene: folder(SCENE) }
+    }
 
-impl Row<'_> {
-    fn numbers(
-        &self,
-        path: &Path,
-        line: usize,
-        range: std::ops::Range<usize>,
-    ) -> Result<Vec<f64>, DatasetError> {
-        range
-            .map(|i| match self.0[i].parse::<f64>() {
-                Ok(value) if value.is_finite() && value.abs() < 1e6 => Ok(value),
-                _ => Err(DatasetError::Line {
-                    path: path.to_owned(),
-                    line,
-                    reason: format!("column {} is `{}`, not a sensible number", i + 1, self.0[i]),
-                }),
-            })
-            .collect()
+    fn frame(&self, sequence: &SequenceId, index: u32) -> Frame {
+        let file = |folder: &Option<PathBuf>| {
+            let path = folder.as_ref()?.join(format!("{index:05}.png"));
+            path.is_file().then_some(path)
+        };
+        let mut frame = Frame::new(sequence.clone(), index, VKITTI_CAMERA);
+        frame.image = file(&self.rgb);
+        frame.parts = file(&self.parts);
+        frame.depth = file(&self.depth);
+        frame.classes = file(&self.scene);
+        frame.instances.clone_from(&frame.classes);
+        frame
     }
 }
 
-fn parse_vehicle(path: &Path, line: usize, row: &Row) -> Result<(u32, VehicleLabel), DatasetError> {
-    let ids = row.numbers(path, line, 0..2)?;
-    let n = row.numbers(path, line, 3..21)?;
-    // The angles come as ry, rx, rz; ry = 0 faces right, our vehicles face along z.
-    let angles = EulerAngles { x: n[14], y: n[13] + FRAC_PI_2, z: n[15] };
-    let camera_from_vehicle = Pose::from_parts(
-        Vector3::new(n[10], n[11], n[12]).into(),
-        UnitQuaternion::from_rotation_matrix(&angles.to_rotation()),
-    );
+/// Frame and label of a row of `motgt`.
+fn vehicle(row: &Row) -> Result<(u32, VehicleLabel), Problem> {
+    const CATEGORIES: &[&str] = &["Car", "Van", "Truck"];
+    const LABELS: &[&str] = &["Car", "Van", "Truck", "DontCare"];
+    let index = row.integer(0, MAX_FRAME)?;
+    let label = row.word(2, LABELS, "Car, Van, Truck, DontCare")?;
+    let category = row.word(21, CATEGORIES, "Car, Van, Truck")?;
+    row.number_in(5, -vkitti::MAX_ANGLE, vkitti::MAX_ANGLE)?;
+    row.integer(22, 1)?;
+    let (left, right) = row.ordered(6, 8)?;
+    let (top, bottom) = row.ordered(7, 9)?;
+    collect::inside_image(row, [left, top, right, bottom], VKITTI_CAMERA.size)?;
+    let cuboid = vkitti::cuboid(row, &CUBOID)?;
+    collect::in_front(row, &cuboid)?;
     let vehicle = VehicleLabel {
-        track: Some(ids[1] as u32),
-        category: row.0[21].to_owned(),
-        dont_care: row.0[2] == "DontCare",
-        truncated: n[0] as u8,
-        occluded: n[1] as u8,
-        truncation: n[16],
-        occupancy: Some(n[17]),
-        bounds: Rect::from_inclusive(n[3], n[4], n[5], n[6]),
-        cuboid: Cuboid { camera_from_vehicle, extent: Extent::new(n[7], n[8], n[9]) },
-        model: Some(row.0[23].to_owned()),
-        color: Some(row.0[24].to_owned()),
+        track: Some(row.integer(1, u32::MAX)?),
+        category: category.to_owned(),
+        dont_care: label == "DontCare",
+        truncated: row.integer(3, 2)? as u8,
+        occluded: row.integer(4, 2)? as u8,
+        truncation: row.number_in(19, 0.0, 1.0)?,
+        occupancy: Some(row.number_in(20, 0.0, 1.0)?),
+        bounds: Rect::from_inclusive(left, top, right, bottom),
+        cuboid,
+        model: Some(row.text(23).to_owned()),
+        color: Some(row.text(24).to_owned()),
     };
-    Ok((ids[0] as u32, vehicle))
+    Ok((index, vehicle))
 }

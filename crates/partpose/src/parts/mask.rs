@@ -33,6 +33,17 @@ impl PartMask {
         self.labels.chunks_exact((self.size[0] as usize).max(1))
     }
 
+    /// The share of this mask's pixels whose label is the same in the other, 0 to 1: the paper's PA when `self` is the
+    /// prediction on the detection box and `other` the truth, background included.
+    pub fn agreement(&self, other: &Self) -> f64 {
+        let width = self.size[0].max(1);
+        let same = self.labels.iter().enumerate().filter(|(i, label)| {
+            let (x, y) = ((*i as u32 % width) as i32, (*i as u32 / width) as i32);
+            other.at(self.origin[0] + x, self.origin[1] + y) == **label
+        });
+        same.count() as f64 / self.labels.len().max(1) as f64
+    }
+
     /// RGB bytes in the author's colours, black for background.
     pub fn to_rgb(&self) -> Vec<u8> {
         let color = |label: &u8| PartClass::from_id(*label).map_or([0; 3], PartClass::color);

@@ -3,16 +3,7 @@
 use crate::geometry::{Extent, Point3};
 use crate::parts::PartClass;
 
-/// Triangles with a part each.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Mesh {
-    /// V, in metres in the vehicle frame (x right, y down, z forward, origin at the cuboid's bottom-face centre).
-    pub vertices: Vec<Point3>,
-    /// F, counter-clockwise seen from outside; indices into `vertices`.
-    pub faces: Vec<[u32; 3]>,
-    /// Z, one part a face.
-    pub parts: Vec<PartClass>,
-}
+use super::Mesh;
 
 /// Why a model is none.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +33,9 @@ pub enum ModelError {
         /// How many vertices there are.
         count: usize,
     },
+    /// Parameters that make no vehicle.
+    #[error("{0} make no vehicle")]
+    Parameters(&'static str),
     /// A vertex is not a finite point.
     #[error("vertex {vertex} is not finite")]
     NotFinite {
@@ -116,6 +110,13 @@ impl VehicleModel {
     /// E: the extent of the cuboid in whose coordinates the mesh is placed.
     pub fn extent(&self) -> Extent {
         self.extent
+    }
+
+    /// The parts that the model has no face of, in the order of ids.
+    pub fn missing_parts(&self) -> Vec<PartClass> {
+        let mut missing = PartClass::ALL.to_vec();
+        missing.retain(|part| !self.mesh.parts.contains(part));
+        missing
     }
 
     /// V, F and Z.

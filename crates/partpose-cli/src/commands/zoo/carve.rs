@@ -1,10 +1,223 @@
-//! (to be written)
+//! `partpose zoo carve`: builds annotated models from part masks with known poses.
 
-use crate::report::Outcome;
+use std::path::PathBuf;
+
+use partpose::carve::{CarveOptions, Progress, QualityOptions, carve_models, measure_quality};
+use partpose::dataset::folds::{Fold, Folds};
+use partpose::dataset::{Dataset, Frame, SequenceId};
+use partpose::vehicle::ModelZoo;
+
+use super::carve_report;
+use crate::progress;
+use crate::report::{self, Outcome, hint};
 
 #[derive(clap::Args)]
-pub(crate) struct Arguments {}
+pub(crate) struct Arguments {
+    /// Folder of the data set
+    #[arg(long, value_name = "DIR")]
+    dataset: PathBuf,
+    /// Worlds to carve from, separated by commas
+    #[arg(long, value_name = "LIST", value_delimiter = ',', required = true)]
+    worlds: Vec<String>,
+    /// Leave out the tracks of part I of K
+    #[arg(long, value_name = "I/K")]
+    fold: Option<Fold>,
+    /// Models to carve, separated by commas; all that the rows name, if not given
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    models: Option<Vec<String>>,
+    /// Folder to write the models to
+    #[arg(long, value_name = "ZOO")]
+    out: PathBuf,
+    /// Folder to write pictures and measurements on left-out views to
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+}
 
-pub(crate) fn run(_arguments: &Arguments) -> anyhow::Result<Outcome> {
-    anyhow::bail!("to be written")
+pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let dataset = Dataset::open(&arguments.dataset)?;
+    let (sequences, frames, complete) = read_frames(&dataset, &arguments.worlds)?;
+    let folds = match arguments.fold {
+        Some(fold) => Some((fold, Folds::of(&dataset, &sequences, fold.count)?)),
+        None => None,
+    };
+    let leave_out = |sequence: &SequenceId, track: u32| {
+        folds.as_ref().is_some_and(|(fold, folds)| folds.contains(*fold, sequence, track))
+    };
+    let bar = progress::bar("masks", 1);
+    let mut observe = |progress| match progress {
+        Progress::Reading { done, total } => {
+            bar.set_length(total as u64);
+            bar.set_position(done as u64);
+        }
+        Progress::Carving { model, step } => bar.set_message(format!("{model}: {step}")),
+    };
+    let options = CarveOptions::default();
+    let names = arguments.models.as_deref();
+    let carved = carve_models(&frames, names, &leave_out, &options, &mut observe);
+    bar.finish_and_clear();
+    let carved = carved.map_err(|error| hint(error, "see `partpose dataset check`"))?;
+    for skipped in &carved.skipped {
+        report::warn(skipped);
+        if let Some(cause) = std::error::Error::source(skipped) {
+            report::note(format_args!("  caused by: {cause}"));
+        }
+    }
+    if carved.models.is_empty() {
+        anyhow::bail!("no model could be carved");
+    }
+    let mut table = String::from("model\ttracks\tviews\tfaces\twidth\theight\tlength\n");
+    for carved in &carved.models {
+        let extent = carved.model.extent();
+        table += &format!(
+            "{}\t{}\t{}\t{}\t{:.3}\t{:.3}\t{:.3}\n",
+            carved.model.name(),
+            carved.tracks,
+            carved.views,
+            carved.model.mesh().faces.len(),
+            extent.width,
+            extent.height,
+            extent.length,
+        );
+    }
+    let zoo =
+        ModelZoo { models: carved.models.iter().map(|carved| carved.model.clone()).collect() };
+    zoo.save(&arguments.out).map_err(|error| match error.remedy() {
+        Some(remedy) => hint(error, remedy),
+        None => error.into(),
+    })?;
+    if let Some(folder) = &arguments.report {
+        let bar = progress::bar("measuring", 1);
+        let mut observe = |progress| {
+            if let Progress::Reading { done, total } = progress {
+                bar.set_length(total as u64);
+                bar.set_position(done as u64);
+            }
+        };
+        let chosen =
+            |sequence: &SequenceId, track: u32| folds.is_none() || leave_out(sequence, track);
+        let views = measure_quality(
+            &frames,
+            &zoo.models,
+            &chosen,
+            &QualityOptions::default(),
+            &mut observe,
+        );
+        bar.finish_and_clear();
+        table = table + "\n" + &carve_report::write(folder, &zoo.models, &views)?;
+        for model in &zoo.models {
+            let path = folder.join(format!("{}.png", model.name()));
+            partpose::files::write_png(&path, &turntable(model))?;
+        }
+    }
+    report::data(&table)?;
+    Ok(if carved.skipped.is_empty() && complete { Outcome::Done } else { Outcome::Skipped })
+}
+
+/// The sequences and frames of some worlds, and whether all of their rows could be read.
+fn read_frames(
+    dataset: &Dataset,
+    worlds: &[String],
+) -> anyhow::Result<(Vec<SequenceId>, Vec<Frame>, bool)> {
+    for world in worlds {
+        if !dataset.sequences().iter().any(|sequence| sequence.world == *world) {
+            let mut known: Vec<&str> =
+                dataset.sequences().iter().map(|id| id.world.as_str()).collect();
+            known.dedup();
+            let error = anyhow::anyhow!("`{}` has no world `{world}`", dataset.root().display());
+            return Err(hint(error, format!("it has {}", known.join(", "))));
+        }
+    }
+    let chosen = dataset.sequences().iter().filter(|sequence| worlds.contains(&sequence.world));
+    let sequences: Vec<SequenceId> = chosen.cloned().collect();
+    let (mut frames, mut complete) = (Vec::new(), true);
+    for sequence in &sequences {
+        let read = dataset.read(sequence)?;
+        for problem in &read.problems {
+            report::warn(problem);
+        }
+        complete &= read.problems.is_empty();
+        frames.extend(read.frames);
+    }
+    Ok((sequences, frames, complete))
+}
+
+fn turntable(model: &partpose::vehicle::VehicleModel) -> partpose::files::RgbImage {
+    use partpose::geometry::*;
+    use partpose::render::*;
+    let (w, h) = (480usize, 320usize);
+    let mut pixels = vec![255u8; w * 3 * h * 3 * 3];
+    let e = model.extent();
+    for n in 0..9 {
+        let (yaw, pitch) = match n {
+            0 => (0.0, 0.0),
+            1 => (90.0, 0.0),
+            2 => (180.0, 0.0),
+            3 => (45.0, 15.0),
+            4 => (135.0, 15.0),
+            5 => (20.0, 30.0),
+            6 => (160.0, 30.0),
+            7 => (90.0, 85.0),
+            _ => (90.0, -85.0),
+        };
+        let camera = Camera::pinhole(1600.0, [239.5, 159.5], [w as u32, h as u32]);
+        // camera at azimuth yaw (0 ahead)
+        let (s, c) = f64::to_radians(yaw).sin_cos();
+        let (sp, cp) = f64::to_radians(pitch).sin_cos();
+        let center = Point3::new(0.0, -0.5 * e.height, 0.0);
+        let dist = 17.0;
+        let eye = center + Vector3::new(s * cp, -sp, c * cp) * dist;
+        let up = Vector3::new(0.0, -1.0, 0.0);
+        let camera_from_vehicle = {
+            let z = (center - eye).normalize();
+            let x = -(up.cross(&z)).normalize();
+            let x = if x.norm() < 0.5 { Vector3::x() } else { x };
+            let y = z.cross(&x);
+            let r = nalgebra_rot(x, y, z);
+            Pose::from_parts((-(r * eye.coords)).into(), UnitQ::from_rotation_matrix(&r))
+        };
+        let image = render_labels(
+            &camera,
+            &[Instance {
+                mesh: model.mesh(),
+                scale: Vector3::new(1.0, 1.0, 1.0),
+                camera_from_vehicle,
+                id: 1,
+            }],
+        );
+        for y in 1..h - 1 {
+            for x in 1..w - 1 {
+                let p = y * w + x;
+                let Some(class) = partpose::parts::PartClass::from_id(image.parts[p]) else {
+                    continue;
+                };
+                let d = |q: usize| {
+                    if image.depths[q].is_finite() { image.depths[q] } else { image.depths[p] }
+                };
+                let px = dist / 1600.0;
+                let (gx, gy) = (
+                    f64::from(d(p + 1) - d(p - 1)) / (2.0 * px),
+                    f64::from(d(p + w) - d(p - w)) / (2.0 * px),
+                );
+                let l = (0.4 * gx + 0.6 * gy + 1.0) / (1.0 + gx * gx + gy * gy).sqrt();
+                let shade = 0.45 + 0.55 * (l / 1.24).clamp(0.0, 1.0);
+                let o = (((n / 3) * h + y) * w * 3 + (n % 3) * w + x) * 3;
+                for k in 0..3 {
+                    pixels[o + k] = (f64::from(class.color()[k]) * shade) as u8;
+                }
+            }
+        }
+    }
+    partpose::files::RgbImage { size: [(w * 3) as u32, (h * 3) as u32], pixels }
+}
+type UnitQ = nalgebra::UnitQuaternion<f64>;
+fn nalgebra_rot(
+    x: partpose::geometry::Vector3,
+    y: partpose::geometry::Vector3,
+    z: partpose::geometry::Vector3,
+) -> partpose::geometry::Rotation3 {
+    nalgebra::Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_rows(&[
+        x.transpose(),
+        y.transpose(),
+        z.transpose(),
+    ]))
 }

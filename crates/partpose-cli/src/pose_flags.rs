@@ -1,0 +1,119 @@
+//! The flags of the pose stage, shared by every command that estimates poses.
+
+use clap::ValueEnum;
+use partpose::parts::Scaling;
+use partpose::pose::{Center2d, Center3d, DEFAULT_SMALL_PART, PartFilters, PnpMethod, PoseOptions};
+
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct PoseFlags {
+    /// How kernels become masks
+    #[arg(long, value_enum, default_value = "bilinear")]
+    scaling: ScalingFlag,
+    /// Solver
+    #[arg(long, value_enum, default_value = "epnp")]
+    fit: FitFlag,
+    /// Refine with Levenberg-Marquardt, robust and weighted by each part's spread
+    #[arg(long)]
+    refine: bool,
+    /// Point of the image that stands for a part: centre of mass, or of the rectangle
+    #[arg(long, value_enum, default_value = "rect")]
+    points_2d: Points2d,
+    /// Point of the model that stands for a part: centre of mass, of the cuboid, or of what is visible
+    #[arg(long, value_enum, default_value = "cub")]
+    points_3d: Points3d,
+    /// Filters of parts, separated by commas: small parts, whitelist, blacklist, image border; or none
+    #[arg(long, value_enum, value_delimiter = ',', default_values = ["sp", "wl", "bl", "cfix"])]
+    filters: Vec<FilterFlag>,
+    /// Share of the box that a part must exceed under `sp`
+    #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_SMALL_PART, value_parser = share)]
+    small_part: f64,
+    /// Outermost rows and columns of the image that count as its border under `cfix`
+    #[arg(long, value_name = "PIXELS", default_value_t = 1)]
+    border: u32,
+    /// Seed of whatever is random
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ScalingFlag {
+    Nearest,
+    Bilinear,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum FitFlag {
+    Epnp,
+    Sqpnp,
+    Ransac,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Points2d {
+    Cm,
+    Rect,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Points3d {
+    Cm,
+    Cub,
+    Visible,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum FilterFlag {
+    /// Drop small parts
+    Sp,
+    /// Keep lights and mirrors whatever their size
+    Wl,
+    /// Drop sides, aprons and roof
+    Bl,
+    /// Drop parts at the image border
+    Cfix,
+    /// No filter
+    None,
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..1.0).contains(&value) => Ok(value),
+        _ => Err("a share from 0 to 1 is meant, such as 0.005".to_owned()),
+    }
+}
+
+impl PoseFlags {
+    /// The options that the flags ask for.
+    pub(crate) fn options(&self) -> PoseOptions {
+        let filter =
+            |flag| self.filters.contains(&flag) && !self.filters.contains(&FilterFlag::None);
+        PoseOptions {
+            scaling: match self.scaling {
+                ScalingFlag::Nearest => Scaling::Nearest,
+                ScalingFlag::Bilinear => Scaling::Bilinear,
+            },
+            center_2d: match self.points_2d {
+                Points2d::Cm => Center2d::Mass,
+                Points2d::Rect => Center2d::Rectangle,
+            },
+            center_3d: match self.points_3d {
+                Points3d::Cm => Center3d::Mass,
+                Points3d::Cub => Center3d::Cuboid,
+                Points3d::Visible => Center3d::Visible,
+            },
+            filters: PartFilters {
+                small_parts: filter(FilterFlag::Sp).then_some(self.small_part),
+                whitelist: filter(FilterFlag::Wl),
+                blacklist: filter(FilterFlag::Bl),
+                image_border: filter(FilterFlag::Cfix).then_some(self.border),
+            },
+            method: match self.fit {
+                FitFlag::Epnp => PnpMethod::Epnp,
+                FitFlag::Sqpnp => PnpMethod::Sqpnp,
+                FitFlag::Ransac => PnpMethod::Ransac,
+            },
+            refine: self.refine,
+            seed: self.seed,
+        }
+    }
+}

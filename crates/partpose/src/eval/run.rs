@@ -1,0 +1,206 @@
+//! Poses of all labelled vehicles of some frames, by the oracle, under several configurations at once.
+
+use rayon::prelude::*;
+
+use crate::dataset::{DatasetError, Frame};
+use crate::detection::Detection;
+use crate::oracle::{Degradation, Oracle, OracleBox, OracleOptions, strength_for_accuracy};
+use crate::parts::Scaling;
+use crate::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator, PoseOptions};
+use crate::vehicle::ModelZoo;
+
+use super::{PoseDeviation, Scored, pose_deviation};
+
+/// What is compared: a row of one of the paper's tables.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Configuration {
+    /// How it is called in tables.
+    pub name: String,
+    /// Cells a side of the kernels.
+    pub kernel: usize,
+    /// The pose stage.
+    pub pose: PoseOptions,
+    /// How much the detections err.
+    pub degradation: Option<Degradation>,
+}
+
+/// Where sizes come from in an evaluation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TruthExtent {
+    /// Models are scaled per axis to the true extent: the paper's protocol.
+    PerAxis,
+    /// Models are scaled by one factor to the true volume.
+    Uniform,
+    /// Models keep their own extent.
+    None,
+}
+
+/// What is evaluated.
+#[derive(Clone, Copy)]
+pub struct EvaluationOptions<'a> {
+    /// The models to choose from.
+    pub zoo: &'a ModelZoo,
+    /// Whether the true size is used.
+    pub extent: TruthExtent,
+    /// Which boxes detections get.
+    pub bounds: OracleBox,
+    /// Which labelled vehicles of a frame count; rows to ignore and models that the zoo lacks never do.
+    pub include: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
+}
+
+/// What became of one vehicle under one configuration.
+#[derive(Clone, Debug)]
+pub struct VehicleOutcome {
+    /// Index of the vehicle in its frame.
+    pub vehicle: usize,
+    /// The detection, so that it can be drawn.
+    pub detection: Option<Detection>,
+    /// The estimate, or why there is none.
+    pub estimate: Result<PoseEstimate, NoPose>,
+    /// Its deviation from the truth.
+    pub scored: Scored,
+    /// The paper's PA of the detection's mask.
+    pub pixel_accuracy: f64,
+}
+
+/// What became of the vehicles of one frame: one list a configuration, all of the same vehicles.
+pub type FrameOutcome = Result<Vec<Vec<VehicleOutcome>>, DatasetError>;
+
+/// Told after each frame: how many are done.
+pub type Progress<'a> = &'a (dyn Fn() + Sync);
+
+/// Evaluates frames in parallel; a frame that cannot be read is an error in its place, and the rest is done.
+pub fn evaluate_frames(
+    frames: &[Frame],
+    options: &EvaluationOptions,
+    configurations: &[Configuration],
+    progress: Progress,
+) -> Vec<FrameOutcome> {
+    let estimators: Vec<PoseEstimator> = configurations
+        .iter()
+        .map(|configuration| PoseEstimator::new(options.zoo, &configuration.pose))
+        .collect();
+    let one = |frame: &Frame| {
+        let outcome = evaluate_frame(frame, options, configurations, &estimators);
+        progress();
+        outcome
+    };
+    frames.par_iter().map(one).collect()
+}
+
+fn included(frame: &Frame, options: &EvaluationOptions) -> Vec<usize> {
+    let counts = |index: &usize| {
+        let vehicle = &frame.vehicles[*index];
+        let known = vehicle.model.as_deref().is_some_and(|name| options.zoo.get(name).is_some());
+        !vehicle.dont_care && known && (options.include)(frame, *index)
+    };
+    (0..frame.vehicles.len()).filter(counts).collect()
+}
+
+fn evaluate_frame(
+    frame: &Frame,
+    options: &EvaluationOptions,
+    configurations: &[Configuration],
+    estimators: &[PoseEstimator],
+) -> FrameOutcome {
+    let vehicles = included(frame, options);
+    if vehicles.is_empty() {
+        return Ok(vec![Vec::new(); configurations.len()]);
+    }
+    let oracle = Oracle::new(frame, frame.read_parts()?, options.zoo);
+    let run = |(configuration, estimator): (&Configuration, &PoseEstimator)| {
+        vehicles
+            .iter()
+            .map(|vehicle| {
+                evaluate_vehicle(frame, *vehicle, options, &oracle, (configuration, estimator))
+            })
+            .collect()
+    };
+    Ok(configurations.iter().zip(estimators).map(run).collect())
+}
+
+fn evaluate_vehicle(
+    frame: &Frame,
+    vehicle: usize,
+    options: &EvaluationOptions,
+    oracle: &Oracle,
+    (configuration, estimator): (&Configuration, &PoseEstimator),
+) -> VehicleOutcome {
+    let label = &frame.vehicles[vehicle];
+    let oracle_options = OracleOptions {
+        kernel: configuration.kernel,
+        bounds: options.bounds,
+        degradation: configuration.degradation,
+    };
+    let detection = oracle.detection(vehicle, &oracle_options);
+    let extent = match options.extent {
+        TruthExtent::PerAxis => ExtentSource::Given(label.cuboid.extent),
+        TruthExtent::Uniform => ExtentSource::GivenUniform(label.cuboid.extent),
+        TruthExtent::None => ExtentSource::Model,
+    };
+    let estimate = match &detection {
+        Some(detection) => estimator.estimate(&frame.camera, detection, &extent),
+        None => Err(NoPose::TooFewCorrespondences { found: 0 }),
+    };
+    let scored = estimate.as_ref().ok().map(|estimate| deviation(frame, vehicle, estimate));
+    let scaling = configuration.pose.scaling;
+    let pixel_accuracy = detection
+        .as_ref()
+        .map_or(0.0, |d| accuracy(oracle, vehicle, d, frame.camera.size, scaling));
+    VehicleOutcome { vehicle, detection, estimate, scored, pixel_accuracy }
+}
+
+fn deviation(frame: &Frame, vehicle: usize, estimate: &PoseEstimate) -> PoseDeviation {
+    let label = &frame.vehicles[vehicle];
+    let is_right = label.model.as_deref() == Some(estimate.model.as_str());
+    pose_deviation(&estimate.cuboid(), &label.cuboid, is_right)
+}
+
+/// The paper's PA: right pixels of the detection box at image resolution, background included.
+fn accuracy(
+    oracle: &Oracle,
+    vehicle: usize,
+    detection: &Detection,
+    image_size: [u32; 2],
+    scaling: Scaling,
+) -> f64 {
+    let mask = detection.part_mask(image_size, scaling);
+    mask.agreement(&oracle.vehicle_mask(vehicle, &detection.bounds))
+}
+
+/// The strength of degradation at which the mean pixel accuracy over the vehicles of some frames meets `target`.
+pub fn calibrate(
+    frames: &[Frame],
+    options: &EvaluationOptions,
+    configuration: &Configuration,
+    target: f64,
+    seed: u64,
+) -> Result<f64, DatasetError> {
+    let oracles = frames
+        .par_iter()
+        .map(|frame| (frame, included(frame, options)))
+        .filter(|(_, vehicles)| !vehicles.is_empty())
+        .map(|(frame, vehicles)| {
+            Ok((frame, vehicles, Oracle::new(frame, frame.read_parts()?, options.zoo)))
+        })
+        .collect::<Result<Vec<_>, DatasetError>>()?;
+    let mean_accuracy = |strength: f64| {
+        let oracle_options = OracleOptions {
+            kernel: configuration.kernel,
+            bounds: options.bounds,
+            degradation: Some(Degradation { strength, seed }),
+        };
+        let accuracies: Vec<f64> = oracles
+            .par_iter()
+            .flat_map_iter(|(frame, vehicles, oracle)| {
+                vehicles.iter().filter_map(|vehicle| {
+                    let detection = oracle.detection(*vehicle, &oracle_options)?;
+                    let size = frame.camera.size;
+                    Some(accuracy(oracle, *vehicle, &detection, size, configuration.pose.scaling))
+                })
+            })
+            .collect();
+        accuracies.iter().sum::<f64>() / accuracies.len().max(1) as f64
+    };
+    Ok(strength_for_accuracy(mean_accuracy, target))
+}

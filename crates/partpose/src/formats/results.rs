@@ -1,0 +1,133 @@
+//! The poses of one image as JSON.
+
+use serde::Serialize;
+
+use crate::detection::Detection;
+use crate::geometry::{Camera, EulerAngles, Extent};
+use crate::parts::PartClass;
+use crate::pose::{Candidate, NoPose, PoseEstimate};
+
+/// All detections of one image, with poses or with reasons.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ImageResult {
+    /// Name of the image.
+    pub image: String,
+    /// The camera the poses refer to.
+    pub camera: Camera,
+    /// In the order of the detections.
+    pub vehicles: Vec<VehicleResult>,
+}
+
+/// One detection with its pose, or with the reason why there is none.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct VehicleResult {
+    /// `x_min, y_min, x_max, y_max` in pixels, pixel centres at integers.
+    pub bounds: [f64; 4],
+    /// Confidence of the detection.
+    pub score: f64,
+    /// The pose, if there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pose: Option<PoseResult>,
+    /// Why there is no pose.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_pose: Option<String>,
+}
+
+/// A pose as JSON.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PoseResult {
+    /// Name of the model.
+    pub model: String,
+    /// Bottom-face centre in the camera frame, metres.
+    pub translation: [f64; 3],
+    /// Rows of the rotation that takes the vehicle frame to the camera frame.
+    pub rotation: [[f64; 3]; 3],
+    /// The same as angles about the camera's axes, `R = R_y R_x R_z`, radians.
+    pub euler_angles: EulerAngles,
+    /// Size in metres.
+    pub extent: Extent,
+    /// Root mean square reprojection error, pixels.
+    pub reprojection_rmse: f64,
+    /// What the pose rests on.
+    pub correspondences: Vec<CorrespondenceResult>,
+    /// How each model of the zoo fared.
+    pub candidates: Vec<CandidateResult>,
+}
+
+/// A correspondence as JSON.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CorrespondenceResult {
+    /// The part.
+    pub part: PartClass,
+    /// Pixels.
+    pub point_in_image: [f64; 2],
+    /// Metres in the vehicle frame.
+    pub point_in_vehicle: [f64; 3],
+    /// Pixels.
+    pub residual: f64,
+    /// Whether the fit counts it as right.
+    pub inlier: bool,
+}
+
+/// One model's fit as JSON.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CandidateResult {
+    /// Name of the model.
+    pub model: String,
+    /// Root mean square reprojection error, pixels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reprojection_rmse: Option<f64>,
+    /// Why there is no pose.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_pose: Option<String>,
+}
+
+/// The result of an image whose detections were estimated one by one.
+pub fn image_result(
+    image: &str,
+    camera: &Camera,
+    estimated: &[(Detection, Result<PoseEstimate, NoPose>)],
+) -> ImageResult {
+    let vehicle =
+        |(detection, outcome): &(Detection, Result<PoseEstimate, NoPose>)| VehicleResult {
+            bounds: {
+                let b = &detection.bounds;
+                [b.x_min, b.y_min, b.x_max, b.y_max]
+            },
+            score: detection.score,
+            pose: outcome.as_ref().ok().map(pose_result),
+            no_pose: outcome.as_ref().err().map(ToString::to_string),
+        };
+    let vehicles = estimated.iter().map(vehicle).collect();
+    ImageResult { image: image.to_owned(), camera: *camera, vehicles }
+}
+
+fn pose_result(estimate: &PoseEstimate) -> PoseResult {
+    let rotation = estimate.camera_from_vehicle.rotation.to_rotation_matrix();
+    let m = rotation.matrix();
+    let candidate = |candidate: &Candidate| CandidateResult {
+        model: candidate.model.clone(),
+        reprojection_rmse: candidate.outcome.as_ref().ok().copied(),
+        no_pose: candidate.outcome.as_ref().err().map(ToString::to_string),
+    };
+    PoseResult {
+        model: estimate.model.clone(),
+        translation: estimate.camera_from_vehicle.translation.vector.into(),
+        rotation: std::array::from_fn(|row| std::array::from_fn(|column| m[(row, column)])),
+        euler_angles: EulerAngles::from_rotation(&rotation),
+        extent: estimate.extent,
+        reprojection_rmse: estimate.reprojection_rmse,
+        correspondences: estimate
+            .correspondences
+            .iter()
+            .map(|c| CorrespondenceResult {
+                part: c.part,
+                point_in_image: c.point_in_image.coords.into(),
+                point_in_vehicle: c.point_in_vehicle.coords.into(),
+                residual: c.residual,
+                inlier: c.inlier,
+            })
+            .collect(),
+        candidates: estimate.candidates.iter().map(candidate).collect(),
+    }
+}

@@ -1,0 +1,465 @@
+//! The fit of every model of a zoo to one detection (paper, § III-D).
+
+use serde::{Deserialize, Serialize};
+
+use crate::detection::Detection;
+use crate::geometry::{Camera, Cuboid, Extent, Point2, Point3, Pose, Rect, Vector3, wrap_angle};
+use crate::parts::{PartClass, PartMap, Scaling};
+use crate::pnp::{
+    self, Correspondence, Loss, PnpError, RansacOptions, RefineOptions, WeightedCorrespondence,
+};
+use crate::render::LabelRenderer;
+use crate::vehicle::{Mesh, ModelZoo};
+
+use super::visible::{self, View, Viewpoint};
+use super::{Center2d, Center3d, PartEvidence, PartFilters, model_centers, part_evidence};
+
+/// Fewest correspondences that are fitted (paper, § III-D).
+const MIN_CORRESPONDENCES: usize = 4;
+/// Rounds of drawing the model at its pose and solving again.
+const VISIBLE_ROUNDS: usize = 4;
+/// Viewpoints of the table that are followed up for each model.
+const VISIBLE_STARTS: usize = 3;
+/// Largest angle between a viewpoint of the table and the pose solved from it; beyond it the two contradict.
+const VIEWPOINT_TOLERANCE: f64 = 0.45;
+/// Smallest share of the drawn vehicle's samples for a part's centre to count as seen.
+const MIN_VISIBLE_SHARE: f64 = 0.002;
+
+/// How a pose is found from correspondences.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PnpMethod {
+    /// The paper's.
+    Epnp,
+    /// All minima of the algebraic error, the best first.
+    Sqpnp,
+    /// P3P on triples with outliers rejected, refined on the inliers.
+    Ransac,
+}
+
+/// How a pose is estimated; the defaults are the paper's last row of Table V.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PoseOptions {
+    /// How kernels become masks.
+    pub scaling: Scaling,
+    /// O2D.
+    pub center_2d: Center2d,
+    /// O3D.
+    pub center_3d: Center3d,
+    /// Which parts may speak.
+    pub filters: PartFilters,
+    /// Solver.
+    pub method: PnpMethod,
+    /// Whether Levenberg-Marquardt with a robust loss and each part's own covariance follows.
+    pub refine: bool,
+    /// Seed of whatever is random (only RANSAC with many points is).
+    pub seed: u64,
+}
+
+impl Default for PoseOptions {
+    fn default() -> Self {
+        Self {
+            scaling: Scaling::Bilinear,
+            center_2d: Center2d::Rectangle,
+            center_3d: Center3d::Cuboid,
+            filters: PartFilters::ALL,
+            method: PnpMethod::Epnp,
+            refine: false,
+            seed: 0,
+        }
+    }
+}
+
+/// Where the size of the vehicle comes from; one image alone cannot tell it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ExtentSource {
+    /// Every model keeps its own.
+    Model,
+    /// Every model is scaled per axis to this extent, as the paper does with the true one.
+    Given(Extent),
+    /// Every model is scaled by one factor to the volume of this extent, and keeps its shape.
+    GivenUniform(Extent),
+}
+
+impl ExtentSource {
+    /// The factors per axis for a model of extent `model`.
+    pub fn scale(&self, model: &Extent) -> Vector3 {
+        match self {
+            Self::Model => Vector3::repeat(1.0),
+            Self::Given(extent) => extent.ratio(model),
+            Self::GivenUniform(extent) => {
+                Vector3::repeat((extent.volume() / model.volume()).cbrt())
+            }
+        }
+    }
+}
+
+/// A correspondence as it was used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartCorrespondence {
+    /// The part.
+    pub part: PartClass,
+    /// Its centre in the image, pixels.
+    pub point_in_image: Point2,
+    /// Its centre on the scaled model, metres in the vehicle frame.
+    pub point_in_vehicle: Point3,
+    /// Distance of the centre's projection from `point_in_image`, pixels.
+    pub residual: f64,
+    /// Whether the fit counts it as right.
+    pub inlier: bool,
+}
+
+/// How one model of the zoo fared.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// Name of the model.
+    pub model: String,
+    /// Root mean square reprojection error in pixels, or why there is no pose.
+    pub outcome: Result<f64, NoPose>,
+}
+
+/// A vehicle's pose, size and model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PoseEstimate {
+    /// Name of the model with the lowest error.
+    pub model: String,
+    /// Its place in the zoo.
+    pub model_index: usize,
+    /// The pose.
+    pub camera_from_vehicle: Pose,
+    /// Size of the scaled model.
+    pub extent: Extent,
+    /// Factors per axis that the model is scaled with.
+    pub scale: Vector3,
+    /// Root mean square distance of projections and centres over the correspondences, pixels.
+    pub reprojection_rmse: f64,
+    /// What was used.
+    pub correspondences: Vec<PartCorrespondence>,
+    /// All models in the order of the zoo.
+    pub candidates: Vec<Candidate>,
+}
+
+impl PoseEstimate {
+    /// The predicted 3D box.
+    pub fn cuboid(&self) -> Cuboid {
+        Cuboid { camera_from_vehicle: self.camera_from_vehicle, extent: self.extent }
+    }
+}
+
+/// Why a detection has no pose.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NoPose {
+    /// The paper's *unfittable*.
+    #[error("{found} parts are left to fit, at least {MIN_CORRESPONDENCES} are needed")]
+    TooFewCorrespondences {
+        /// Parts that mask and model share after the filters.
+        found: usize,
+    },
+    /// The solver found none.
+    #[error(transparent)]
+    Solver(#[from] PnpError),
+    /// The box has no area.
+    #[error("the box of the detection is empty")]
+    EmptyBox,
+    /// The zoo has no model.
+    #[error("there is no model to fit")]
+    NoModel,
+}
+
+/// What the estimator needs of a model, computed once: the paper's lookup table.
+#[derive(Clone, Debug)]
+struct ModelEntry {
+    name: String,
+    extent: Extent,
+    mesh: Mesh,
+    is_closed: bool,
+    centers: PartMap<Point3>,
+    viewpoints: Vec<Viewpoint>,
+}
+
+/// Fits the models of a zoo to detections.
+#[derive(Clone, Debug)]
+pub struct PoseEstimator {
+    options: PoseOptions,
+    models: Vec<ModelEntry>,
+}
+
+/// One model's fit.
+struct Fit {
+    camera_from_vehicle: Pose,
+    rmse: f64,
+    correspondences: Vec<(PartClass, Correspondence)>,
+    inliers: Vec<bool>,
+}
+
+/// One detection as every model sees it.
+struct Problem<'a> {
+    camera: &'a Camera,
+    detection: &'a Detection,
+    parts: PartMap<PartEvidence>,
+}
+
+impl PoseEstimator {
+    /// Computes the tables of all models.
+    pub fn new(zoo: &ModelZoo, options: &PoseOptions) -> Self {
+        let entry = |model: &crate::vehicle::VehicleModel| ModelEntry {
+            name: model.name().to_owned(),
+            extent: model.extent(),
+            mesh: model.mesh().clone(),
+            is_closed: model.mesh().is_closed(),
+            centers: model_centers(model, options.center_3d),
+            viewpoints: match options.center_3d {
+                Center3d::Visible => visible::viewpoint_table(model, options.center_2d),
+                Center3d::Mass | Center3d::Cuboid => Vec::new(),
+            },
+        };
+        Self { options: *options, models: zoo.models.iter().map(entry).collect() }
+    }
+
+    /// The options it was made with.
+    pub fn options(&self) -> &PoseOptions {
+        &self.options
+    }
+
+    /// Pose, size and model of a detection.
+    pub fn estimate(
+        &self,
+        camera: &Camera,
+        detection: &Detection,
+        extent: &ExtentSource,
+    ) -> Result<PoseEstimate, NoPose> {
+        if detection.bounds.area() <= 0.0 {
+            return Err(NoPose::EmptyBox);
+        }
+        let mask = detection.part_mask(camera.size, self.options.scaling);
+        let mut parts = part_evidence(&mask, self.options.center_2d);
+        self.options.filters.apply(&mut parts, &detection.bounds, camera.size);
+        if parts.len() < MIN_CORRESPONDENCES {
+            return Err(NoPose::TooFewCorrespondences { found: parts.len() });
+        }
+        let problem = Problem { camera, detection, parts };
+        let mut renderer = LabelRenderer::default();
+        let fits: Vec<Result<Fit, NoPose>> = self
+            .models
+            .iter()
+            .map(|model| self.fit(model, &problem, extent.scale(&model.extent), &mut renderer))
+            .collect();
+        self.choose(fits, camera, extent)
+    }
+
+    /// The model with the lowest error; of equals the first.
+    fn choose(
+        &self,
+        fits: Vec<Result<Fit, NoPose>>,
+        camera: &Camera,
+        extent: &ExtentSource,
+    ) -> Result<PoseEstimate, NoPose> {
+        let rmse = |fit: &Result<Fit, NoPose>| fit.as_ref().map_or(f64::INFINITY, |fit| fit.rmse);
+        let best = (0..fits.len()).min_by(|a, b| rmse(&fits[*a]).total_cmp(&rmse(&fits[*b])));
+        let best = best.ok_or(NoPose::NoModel)?;
+        let candidates = self.models.iter().zip(&fits).map(|(model, fit)| Candidate {
+            model: model.name.clone(),
+            outcome: fit.as_ref().map(|fit| fit.rmse).map_err(NoPose::clone),
+        });
+        let candidates = candidates.collect();
+        let fit = fits.into_iter().nth(best).ok_or(NoPose::NoModel)??;
+        let model = &self.models[best];
+        let scale = extent.scale(&model.extent);
+        let size = model.extent.to_vector().component_mul(&scale);
+        let correspondences =
+            fit.correspondences.iter().zip(&fit.inliers).map(|((part, c), inlier)| {
+                let projected = camera.project(&(fit.camera_from_vehicle * c.point_in_object));
+                PartCorrespondence {
+                    part: *part,
+                    point_in_image: c.point_in_image,
+                    point_in_vehicle: c.point_in_object,
+                    residual: projected
+                        .map_or(f64::INFINITY, |pixel| (pixel - c.point_in_image).norm()),
+                    inlier: *inlier,
+                }
+            });
+        Ok(PoseEstimate {
+            model: model.name.clone(),
+            model_index: best,
+            camera_from_vehicle: fit.camera_from_vehicle,
+            extent: Extent::new(size.x, size.y, size.z),
+            scale,
+            reprojection_rmse: fit.rmse,
+            correspondences: correspondences.collect(),
+            candidates,
+        })
+    }
+
+    fn fit(
+        &self,
+        model: &ModelEntry,
+        problem: &Problem,
+        scale: Vector3,
+        renderer: &mut LabelRenderer,
+    ) -> Result<Fit, NoPose> {
+        let scaled = model.centers.map(|_, center| scaled_point(center, &scale));
+        let fixed = self.solve(problem, &scaled);
+        if self.options.center_3d != Center3d::Visible {
+            return fixed;
+        }
+        let mut best = Err(NoPose::TooFewCorrespondences { found: 0 });
+        for start in self.visible_starts(model, problem, &scale, fixed.as_ref().ok()) {
+            let refined = self.follow_visible(model, problem, &scale, start, renderer);
+            best = better(best, refined);
+        }
+        // Without any viewpoint that works the fixed centres are better than nothing.
+        best.or(fixed)
+    }
+
+    /// Poses to start from: those of the table's most consistent viewpoints, and that of the fixed centres.
+    fn visible_starts(
+        &self,
+        model: &ModelEntry,
+        problem: &Problem,
+        scale: &Vector3,
+        fixed: Option<&Fit>,
+    ) -> Vec<Pose> {
+        let mut starts: Vec<(f64, Pose)> = Vec::new();
+        for viewpoint in &model.viewpoints {
+            let mut points = viewpoint.parts.clone();
+            points.retain(|_, (_, share)| *share > MIN_VISIBLE_SHARE);
+            let points = points.map(|_, (point, _)| scaled_point(point, scale));
+            let Ok(fit) = self.solve(problem, &points) else { continue };
+            let turn = wrap_angle(visible::azimuth(&fit.camera_from_vehicle) - viewpoint.azimuth);
+            if turn.abs() < VIEWPOINT_TOLERANCE {
+                starts.push((fit.score(), fit.camera_from_vehicle));
+            }
+        }
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        starts.truncate(VISIBLE_STARTS);
+        starts
+            .into_iter()
+            .map(|(_, pose)| pose)
+            .chain(fixed.map(|fit| fit.camera_from_vehicle))
+            .collect()
+    }
+
+    /// Draws the model at its pose, takes the centres that are seen, solves again, a few times over.
+    fn follow_visible(
+        &self,
+        model: &ModelEntry,
+        problem: &Problem,
+        scale: &Vector3,
+        start: Pose,
+        renderer: &mut LabelRenderer,
+    ) -> Result<Fit, NoPose> {
+        let image = problem.camera.image_rect();
+        let window: Rect = problem.detection.bounds;
+        let known = |pixel: &Point2| visible::knows(problem.detection, &image, pixel);
+        let mut best = Err(NoPose::TooFewCorrespondences { found: 0 });
+        let mut camera_from_vehicle = start;
+        for _ in 0..VISIBLE_ROUNDS {
+            let view = View {
+                camera: problem.camera,
+                mesh: &model.mesh,
+                scale: *scale,
+                camera_from_vehicle,
+                is_closed: model.is_closed,
+            };
+            let seen =
+                visible::visible_parts(&view, &window, self.options.center_2d, known, renderer);
+            let points = seen.map(|_, part| part.point_in_vehicle);
+            let fit = match self.solve(problem, &points) {
+                Ok(fit) => fit,
+                Err(reason) => return best.or(Err(reason)),
+            };
+            let moved = (fit.camera_from_vehicle.translation.vector
+                - camera_from_vehicle.translation.vector)
+                .norm();
+            camera_from_vehicle = fit.camera_from_vehicle;
+            best = better(best, Ok(fit));
+            if moved < 1e-3 * camera_from_vehicle.translation.vector.norm() {
+                break;
+            }
+        }
+        best
+    }
+
+    /// PnP on the parts that mask and model share.
+    fn solve(&self, problem: &Problem, points: &PartMap<Point3>) -> Result<Fit, NoPose> {
+        let pairs: Vec<(PartClass, Correspondence)> = problem
+            .parts
+            .zip(points)
+            .map(|(class, part, point)| {
+                (class, Correspondence { point_in_image: part.center, point_in_object: *point })
+            })
+            .collect();
+        if pairs.len() < MIN_CORRESPONDENCES {
+            return Err(NoPose::TooFewCorrespondences { found: pairs.len() });
+        }
+        let correspondences: Vec<Correspondence> = pairs.iter().map(|(_, c)| *c).collect();
+        let camera = problem.camera;
+        let mut inliers = vec![true; pairs.len()];
+        let mut pose = match self.options.method {
+            PnpMethod::Epnp => pnp::epnp(&correspondences, camera)?,
+            PnpMethod::Sqpnp => {
+                let minima = pnp::sqpnp(&correspondences, camera)?;
+                minima.first().ok_or(PnpError::BehindCamera)?.pose
+            }
+            PnpMethod::Ransac => {
+                let options = RansacOptions { seed: self.options.seed, ..Default::default() };
+                let solution = pnp::ransac(&correspondences, camera, &options)?;
+                inliers = solution.inliers;
+                solution.refinement.pose
+            }
+        };
+        if self.options.refine {
+            pose = refine(problem, &pairs, &inliers, &pose)?;
+        }
+        let rmse = pnp::reprojection_rmse(&correspondences, camera, &pose)?;
+        Ok(Fit { camera_from_vehicle: pose, rmse, correspondences: pairs, inliers })
+    }
+}
+
+impl Fit {
+    /// Error per degree of freedom: fits of few points must not win by their few points.
+    fn score(&self) -> f64 {
+        let n = self.correspondences.len() as f64;
+        self.rmse * (n / (n - 2.5)).sqrt()
+    }
+}
+
+fn better(a: Result<Fit, NoPose>, b: Result<Fit, NoPose>) -> Result<Fit, NoPose> {
+    match (a, b) {
+        (Ok(a), Ok(b)) => Ok(if b.score() < a.score() { b } else { a }),
+        (Ok(fit), Err(_)) | (Err(_), Ok(fit)) => Ok(fit),
+        (Err(reason), Err(_)) => Err(reason),
+    }
+}
+
+fn scaled_point(point: &Point3, scale: &Vector3) -> Point3 {
+    Point3::from(point.coords.component_mul(scale))
+}
+
+/// Levenberg-Marquardt where each part's covariance grows with its spread in the image.
+fn refine(
+    problem: &Problem,
+    pairs: &[(PartClass, Correspondence)],
+    inliers: &[bool],
+    start: &Pose,
+) -> Result<Pose, NoPose> {
+    // Errors of a centre on ground-truth masks: half a pixel, and a share of the part's own spread.
+    const PIXEL_VARIANCE: f64 = 0.25;
+    const SPREAD: f64 = 0.1;
+    let weighted: Vec<WeightedCorrespondence> = pairs
+        .iter()
+        .zip(inliers)
+        .filter(|(_, inlier)| **inlier)
+        .map(|((class, correspondence), _)| {
+            let scatter =
+                problem.parts.get(*class).map_or(nalgebra::Matrix2::identity(), |p| p.scatter);
+            let covariance =
+                nalgebra::Matrix2::identity() * PIXEL_VARIANCE + scatter * (SPREAD * SPREAD);
+            WeightedCorrespondence { correspondence: *correspondence, covariance }
+        })
+        .collect();
+    let options = RefineOptions { loss: Loss::Huber { scale: 2.0 }, ..Default::default() };
+    Ok(pnp::refine_weighted(&weighted, problem.camera, start, &options)?.pose)
+}
