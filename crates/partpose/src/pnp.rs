@@ -2,7 +2,8 @@
 //!
 //! [`sqpnp`] finds every algebraic minimum, [`refine`] takes one to the maximum of the likelihood, [`second_mode`]
 //! finds the other pose that explains nearly flat points as well, and [`solve`] does all three. [`ransac`] is for
-//! correspondences of which some are wrong. [`epnp`] is the paper's solver, kept for comparison; it is never better.
+//! correspondences of which some are wrong. [`epnp`] is the paper's solver, kept for comparison:
+//! once refined, it is never better than the others.
 //!
 //! All arithmetic is `f64`. No function here panics or returns a pose with NaN, whatever the numbers it is given; few
 //! points (up to 32) are handled without touching the heap.

@@ -82,8 +82,9 @@ fn cells(folder: &Path, only: &str) -> anyhow::Result<Vec<PathBuf>> {
     }
     cells.sort();
     if cells.is_empty() {
+        let pattern = if only.is_empty() { String::new() } else { format!("{only}*") };
         let error =
-            anyhow::anyhow!("no problem set `*{only}*.safetensors` in `{}`", folder.display());
+            anyhow::anyhow!("no problem set `*{pattern}.safetensors` in `{}`", folder.display());
         return Err(report::hint(
             error,
             "give the folder that holds the cells' files as `--problems`",

@@ -193,6 +193,33 @@ fn quantile(values: &mut [f64], share: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pnp::synthetic::{SyntheticOptions, synthetic_problem};
+
+    #[test]
+    fn every_solver_solves_problems_without_noise() {
+        let problems = (0..20).map(|seed| synthetic_problem(seed, &SyntheticOptions::default()));
+        let problems: Vec<_> = problems.collect();
+        let set = ProblemSet {
+            name: "clean".to_owned(),
+            geometry: "spread".to_owned(),
+            points: 8,
+            sigma_px: 1.0,
+            outlier_fraction: 0.0,
+            camera: problems[0].camera,
+            problems: problems
+                .into_iter()
+                .map(|p| Problem {
+                    inliers: vec![true; p.correspondences.len()],
+                    correspondences: p.correspondences,
+                    camera_from_object: p.camera_from_object,
+                })
+                .collect(),
+        };
+        for solver in Solver::ALL {
+            let scores = evaluate(&set, solver);
+            assert!(scores.failure == 0.0 && scores.rot_deg_p95 < 1e-3, "{solver:?} {scores:?}");
+        }
+    }
 
     #[test]
     fn quantile_interpolates() {

@@ -211,3 +211,44 @@ fn row(text: &mut String, name: &str, s: &Scores) {
         100.0 * s.no_result,
     );
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scores(failure: f64) -> Scores {
+        Scores {
+            rot_deg_median: 1.0,
+            rot_deg_p95: 2.0,
+            trans_m_median: 0.1,
+            trans_m_p95: 0.2,
+            failure,
+            no_result: 0.0,
+            both_wrong: None,
+            two_distinct: None,
+            time_us_median: Some(3.0),
+        }
+    }
+
+    #[test]
+    fn missed_and_met_targets_are_told_apart() {
+        let cell = |geometry: &str, failure: f64| CellScores {
+            geometry: geometry.to_owned(),
+            n: 8,
+            sigma_px: 1.0,
+            outlier_fraction: 0.0,
+            trials: 1000,
+            solvers: BTreeMap::from([(Solver::Epnp.name().to_owned(), scores(failure))]),
+        };
+        let metrics = Metrics { cells: BTreeMap::from([("a".to_owned(), cell("spread", 0.07))]) };
+        let peer = BTreeMap::from([("OpenCV EPNP".to_owned(), scores(0.1))]);
+        let reference = BaselineCell { solvers: peer, two_modes: None };
+        let baseline = Baseline { cells: BTreeMap::from([("a".to_owned(), reference)]) };
+        let holds: Vec<bool> = targets(&metrics, &baseline).iter().map(Target::holds).collect();
+        assert_eq!(holds, [true, false]);
+        let markdown = to_markdown(&metrics, Some(&baseline));
+        let missed = "| EPnP failures, half of OpenCV's | 1 | 0 | a (0.0700 > 0.0500) |";
+        assert!(markdown.contains(missed), "{markdown}");
+        assert_eq!(to_csv(&metrics).lines().count(), 2);
+    }
+}
