@@ -116,7 +116,8 @@ fn vehicle_picture<'a>(
     let depth = estimate.camera_from_vehicle.translation.z;
     picture.text = format!("{} z={depth:.1}m", estimate.model);
     if let Some(truth) = &vehicle.truth {
-        picture.text += &format!(" IoU {:.2}", estimate.cuboid().iou(truth));
+        let iou = estimate.cuboid().iou(truth);
+        picture.text = format!("{} IoU {iou:.2}", picture.text);
     }
     picture
 }

@@ -132,7 +132,7 @@ pub struct PoseEstimate {
     pub extent: Extent,
     /// Factors per axis that the model is scaled with.
     pub scale: Vector3,
-    /// Root mean square distance of projections and centres over the correspondences, pixels.
+    /// Root mean square distance of projections and centres over the inliers, pixels.
     pub reprojection_rmse: f64,
     /// What was used.
     pub correspondences: Vec<PartCorrespondence>,
@@ -189,7 +189,10 @@ pub struct PoseEstimator {
 /// One model's fit.
 struct Fit {
     camera_from_vehicle: Pose,
+    /// Over the inliers.
     rmse: f64,
+    /// What models are compared by: the same, with outliers at the threshold that makes them outliers.
+    error: f64,
     correspondences: Vec<(PartClass, Correspondence)>,
     inliers: Vec<bool>,
 }
@@ -256,8 +259,8 @@ impl PoseEstimator {
         camera: &Camera,
         extent: &ExtentSource,
     ) -> Result<PoseEstimate, NoPose> {
-        let rmse = |fit: &Result<Fit, NoPose>| fit.as_ref().map_or(f64::INFINITY, |fit| fit.rmse);
-        let best = (0..fits.len()).min_by(|a, b| rmse(&fits[*a]).total_cmp(&rmse(&fits[*b])));
+        let error = |fit: &Result<Fit, NoPose>| fit.as_ref().map_or(f64::INFINITY, |fit| fit.error);
+        let best = (0..fits.len()).min_by(|a, b| error(&fits[*a]).total_cmp(&error(&fits[*b])));
         let best = best.ok_or(NoPose::NoModel)?;
         let candidates = self.models.iter().zip(&fits).map(|(model, fit)| Candidate {
             model: model.name.clone(),
@@ -413,8 +416,18 @@ impl PoseEstimator {
         if self.options.refine {
             pose = refine(problem, &pairs, &inliers, &pose)?;
         }
-        let rmse = pnp::reprojection_rmse(&correspondences, camera, &pose)?;
-        Ok(Fit { camera_from_vehicle: pose, rmse, correspondences: pairs, inliers })
+        let used: Vec<Correspondence> = correspondences
+            .iter()
+            .zip(&inliers)
+            .filter(|(_, inlier)| **inlier)
+            .map(|(c, _)| *c)
+            .collect();
+        let rmse = pnp::reprojection_rmse(&used, camera, &pose)?;
+        let (n, outliers) = (correspondences.len() as f64, correspondences.len() - used.len());
+        let limit = RansacOptions::default().threshold;
+        let squares = rmse * rmse * used.len() as f64 + limit * limit * outliers as f64;
+        let error = (squares / n).sqrt();
+        Ok(Fit { camera_from_vehicle: pose, rmse, error, correspondences: pairs, inliers })
     }
 }
 
@@ -422,7 +435,7 @@ impl Fit {
     /// Error per degree of freedom: fits of few points must not win by their few points.
     fn score(&self) -> f64 {
         let n = self.correspondences.len() as f64;
-        self.rmse * (n / (n - 2.5)).sqrt()
+        self.error * (n / (n - 2.5)).sqrt()
     }
 }
 
