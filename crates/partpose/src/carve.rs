@@ -368,6 +368,12 @@ fn median_extent(views: &[View]) -> Extent {
     Extent::new(median(|e| e.width), median(|e| e.height), median(|e| e.length))
 }
 
+/// Beyond the cuboid that voxels reach, shares of width, height and length: mirrors stick out of it.
+const MARGIN: [f64; 3] = [0.14, 0.02, 0.02];
+
+/// Least area of a patch of one part, square metres.
+const LEAST_PATCH: f64 = 0.004;
+
 /// Longest edge of a face that is labelled, metres.
 const LABEL_EDGE: f64 = 0.03;
 
@@ -427,9 +433,10 @@ fn hull_surface(
     least: f32,
 ) -> Option<half::HalfMesh> {
     let voxels = options.voxels.map(|n| n.div_ceil(coarseness));
-    let grid = Grid::over(extent, voxels, [0.08, 0.04, 0.04]);
+    let grid = Grid::over(extent, voxels, MARGIN);
     let vote = VoteOptions { tolerance: 0.3, full_height: 60.0, least };
-    let scores = hull::votes(&grid, extent, views, &vote);
+    let mut scores = hull::votes(&grid, extent, views, &vote);
+    hull::cut_sides(&grid, extent, views, &mut scores);
     let mut field: Vec<f32> = scores.iter().map(|score| 1.0 - 0.5 * score.min(2.0)).collect();
     surface::keep_largest(&grid, &mut field, 0.5);
     surface::blur(&grid, &mut field, 1);
@@ -500,7 +507,7 @@ fn finish(
         rounds: 10,
         reach: 0.08,
         stiffness: 1.0,
-        membrane_rounds: 6,
+        membrane_rounds: 40,
         membrane_weight: 2.0,
         unit_resolution: 40.0,
     };
@@ -508,7 +515,8 @@ fn finish(
     tell("labels");
     let half = simplify::refine(&half, LABEL_EDGE);
     let votes = labels::votes(&half, &usable, &extent);
-    let labels = labels::labels(&half, &votes, 10, 0.6);
+    let mut labels = labels::labels(&half, &votes, 20, 1.0);
+    labels::merge_patches(&half, &mut labels, LEAST_PATCH);
     tell("simplify");
     let (half, labels) = simplify::simplify(&half, &labels, options.max_faces / 2);
     let mesh = half.mirrored(&labels);

@@ -103,7 +103,9 @@ impl Padded {
         let mut values = vec![-level; size.iter().product()];
         for k in 0..grid.size[2] {
             for j in 0..grid.size[1] {
-                for i in 0..=grid.size[0] {
+                // The outermost layer stays empty, so that the surface is closed wherever the set ends.
+                let edge = j == 0 || k == 0 || j + 1 == grid.size[1] || k + 1 == grid.size[2];
+                for i in 0..if edge { 0 } else { grid.size[0] } {
                     // Column 0 mirrors column 1.
                     let value = field[grid.index(i.saturating_sub(1), j, k)] - level;
                     let n = ((k + 1) * size[1] + j + 1) * size[0] + i;
