@@ -4,4 +4,5 @@ pub(crate) mod dataset;
 pub(crate) mod demo;
 pub(crate) mod evaluate;
 pub(crate) mod fit;
+pub(crate) mod result_files;
 pub(crate) mod zoo;

@@ -1,5 +1,6 @@
 //! The `partpose` command line: parses what was typed, calls the library, reports.
 
+mod camera;
 mod commands;
 mod pose_flags;
 mod progress;

@@ -7,6 +7,8 @@ use std::fmt;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
+use partpose::vehicle::ZooError;
+
 /// How a command ended when it did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
@@ -76,6 +78,9 @@ pub(crate) fn exit_code(outcome: anyhow::Result<Outcome>) -> ExitCode {
             for cause in error.chain() {
                 if let Some(hinted) = cause.downcast_ref::<Hinted>() {
                     note(format_args!("hint: {}", hinted.hint));
+                }
+                if let Some(remedy) = cause.downcast_ref::<ZooError>().and_then(ZooError::remedy) {
+                    note(format_args!("hint: {remedy}"));
                 }
             }
             ExitCode::from(2)

@@ -1,7 +1,9 @@
 //! What other programs write for us and read from us; described in `docs/formats.md`.
 
 mod detections;
+mod kitti;
 mod results;
 
 pub use detections::{DetectionFile, DetectionFileError, read_detections, write_detections};
+pub use kitti::{KittiRow, kitti_text};
 pub use results::{ImageResult, VehicleResult, image_result};

@@ -7,6 +7,15 @@
 //! All arithmetic is `f64`. No function here panics or returns a pose with NaN, whatever the numbers it is given; few
 //! points (up to 32) are handled without touching the heap.
 
+#![expect(
+    clippy::neg_cmp_op_on_partial_ord,
+    reason = "`!(a > b)` is also true of NaN, which must fail every test of being usable"
+)]
+#![expect(
+    clippy::needless_range_loop,
+    reason = "matrix formulas over fixed arrays are written with their indices, as on paper"
+)]
+
 mod buffer;
 mod epnp;
 mod linalg;
@@ -40,6 +49,9 @@ pub struct Correspondence {
     pub point_in_object: Point3,
 }
 
+/// Sum of the magnitudes of all numbers beyond which squares and products of them might overflow.
+const LARGEST: f64 = 1e100;
+
 /// Why there is no pose.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -52,7 +64,7 @@ pub enum PnpError {
         /// How many it got.
         given: usize,
     },
-    /// A coordinate, a camera parameter or the start is NaN or infinite, or the focal length is zero.
+    /// A coordinate, a camera parameter or the start is NaN, infinite or beyond 1e100, or a focal length is zero.
     #[error("a coordinate or a camera parameter is not a finite number")]
     NotFinite,
     /// The points lie on a line or on one spot, in space or in the image: infinitely many poses fit.
@@ -118,13 +130,13 @@ fn check(
         return Err(PnpError::TooFewPoints { needed, given: correspondences.len() });
     }
     let intrinsics = [camera.focal, camera.principal_point];
-    // A sum is finite only if all its terms are; overflow of huge finite terms is as unusable.
+    // A NaN or an infinity makes the sum one.
     let mut sum: f64 = intrinsics.iter().flatten().map(|value| value.abs()).sum();
     for c in correspondences {
         sum += c.point_in_image.x.abs() + c.point_in_image.y.abs();
         sum += c.point_in_object.coords.abs().sum();
     }
-    let usable = sum.is_finite() && camera.focal.iter().all(|focal| *focal != 0.0);
+    let usable = sum < LARGEST && camera.focal.iter().all(|focal| *focal != 0.0);
     if usable { Ok(()) } else { Err(PnpError::NotFinite) }
 }
 

@@ -6,6 +6,7 @@ mod glb_schema;
 mod glb_write;
 mod mesh;
 mod model;
+mod parametric;
 mod zoo;
 
 pub use glb::{GlbError, MAX_COORDINATE, MAX_FACES, PrimitiveFault};
@@ -13,4 +14,5 @@ pub use glb_read::from_glb;
 pub use glb_write::to_glb;
 pub use mesh::Mesh;
 pub use model::{ModelError, VehicleModel};
+pub use parametric::ParametricVehicle;
 pub use zoo::{ModelZoo, ZooError};

@@ -1,1 +1,19 @@
-//! (to be written)
+//! Pictures: models from all sides, results over their image, and the scene from above.
+//!
+//! Everything returns an [`RgbImage`](crate::files::RgbImage); nothing here is used by what computes results.
+
+mod birds_eye;
+mod canvas;
+mod contours;
+mod font;
+mod labels;
+mod overlay;
+mod scene;
+mod shade;
+mod turntable;
+
+pub use birds_eye::{BirdsEyeOptions, birds_eye};
+pub use overlay::{overlay, side_by_side};
+pub use scene::{PointPair, ScenePicture, VehiclePicture};
+pub use shade::{ShadeOptions, shade};
+pub use turntable::{TurntableOptions, turntable};

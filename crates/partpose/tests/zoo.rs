@@ -53,9 +53,10 @@ fn changed(change: impl FnOnce(&mut Value)) -> Vec<u8> {
 
 /// Sets what a JSON pointer points to.
 fn with(pointer: &str, value: &Value) -> Vec<u8> {
-    changed(|json| match json.pointer_mut(pointer) {
-        Some(place) => *place = value.clone(),
-        None => {
+    changed(|json| {
+        if let Some(place) = json.pointer_mut(pointer) {
+            *place = value.clone();
+        } else {
             let (parent, key) = pointer.rsplit_once('/').unwrap();
             json.pointer_mut(parent).unwrap()[key] = value.clone();
         }

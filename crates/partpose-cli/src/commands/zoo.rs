@@ -5,6 +5,10 @@ mod carve_report;
 mod list;
 mod show;
 
+use std::path::Path;
+
+use partpose::vehicle::{ModelZoo, ZooError};
+
 use crate::report::Outcome;
 
 #[derive(clap::Subcommand)]
@@ -23,4 +27,9 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Outcome> {
         Command::Show(arguments) => show::run(arguments),
         Command::Carve(arguments) => carve::run(arguments),
     }
+}
+
+/// The zoo at a path; without one, the models that come with the program.
+fn open(path: Option<&Path>) -> Result<ModelZoo, ZooError> {
+    path.map_or_else(|| Ok(ModelZoo::embedded()), ModelZoo::load)
 }

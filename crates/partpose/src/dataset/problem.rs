@@ -184,7 +184,10 @@ impl Problem {
     pub fn skips_frame(&self) -> bool {
         let kept = matches!(
             self.fault,
-            Fault::Header { .. } | Fault::SizeUnknown { .. } | Fault::Contradiction { .. }
+            Fault::Header { .. }
+                | Fault::SizeUnknown { .. }
+                | Fault::ImageSize { .. }
+                | Fault::Contradiction { .. }
         );
         self.frame.is_some() && !kept
     }

@@ -60,9 +60,9 @@ pub struct PoseScores {
     pub median_iou3d: f64,
     /// Mean 3D IoU over all detections, those without a pose counted as 0.
     pub mean_iou3d_all: f64,
-    /// Sum of the three mean translation deviations, metres: the paper's delta T.
+    /// Sum of the three mean translation deviations, metres: the paper's ΔT.
     pub delta_t: f64,
-    /// Sum of the three mean rotation deviations, radians: the paper's delta R.
+    /// Sum of the three mean rotation deviations, radians: the paper's ΔR.
     pub delta_r: f64,
     /// Mean absolute deviation along x, y, z, metres.
     pub delta_xyz: [f64; 3],

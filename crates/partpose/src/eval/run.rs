@@ -176,15 +176,14 @@ pub fn calibrate(
     target: f64,
     seed: u64,
 ) -> Result<f64, DatasetError> {
-    let oracles: Result<Vec<(&Frame, Vec<usize>, Oracle)>, DatasetError> = frames
+    let oracles = frames
         .par_iter()
         .map(|frame| (frame, included(frame, options)))
         .filter(|(_, vehicles)| !vehicles.is_empty())
         .map(|(frame, vehicles)| {
             Ok((frame, vehicles, Oracle::new(frame, frame.read_parts()?, options.zoo)))
         })
-        .collect();
-    let oracles = oracles?;
+        .collect::<Result<Vec<_>, DatasetError>>()?;
     let mean_accuracy = |strength: f64| {
         let oracle_options = OracleOptions {
             kernel: configuration.kernel,

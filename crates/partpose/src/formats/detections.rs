@@ -1,7 +1,7 @@
 //! Detections as safetensors: the seam between any detector and the pose stage.
 //!
 //! Tensors `boxes [N, 4]`, `scores [N]`, `part_probabilities [N, 30, m, m]`, optionally `unknown [N, m, m]` and
-//! `image [N]`; the metadata key `images` holds the image names as a JSON list. Boxes are x_min, y_min, x_max, y_max in
+//! `image [N]`; the metadata key `images` holds the image names as a JSON list. Boxes are `x_min, y_min, x_max, y_max` in
 //! pixels with pixel centres at integers; the metadata `pixel_origin = "corner"` says that 0 is the first pixel's edge,
 //! as in torchvision and Ultralytics.
 
@@ -202,6 +202,9 @@ fn image_names(
     }
 }
 
+/// Shape and values of a tensor.
+type Numbers = (Vec<usize>, Vec<f32>);
+
 struct Reader<'a> {
     path: &'a Path,
     tensors: SafeTensors<'a>,
@@ -233,7 +236,7 @@ impl Reader<'_> {
     }
 
     /// Shape and values of a tensor of floating-point numbers.
-    fn numbers(&self, name: &'static str) -> Result<(Vec<usize>, Vec<f32>), DetectionFileError> {
+    fn numbers(&self, name: &'static str) -> Result<Numbers, DetectionFileError> {
         let Ok(view) = self.tensors.tensor(name) else {
             return Err(self.tensor_error(name, "is missing".to_owned()));
         };

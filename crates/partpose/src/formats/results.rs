@@ -21,7 +21,7 @@ pub struct ImageResult {
 /// One detection with its pose, or with the reason why there is none.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct VehicleResult {
-    /// x_min, y_min, x_max, y_max in pixels, pixel centres at integers.
+    /// `x_min, y_min, x_max, y_max` in pixels, pixel centres at integers.
     pub bounds: [f64; 4],
     /// Confidence of the detection.
     pub score: f64,

@@ -52,6 +52,7 @@ impl Camera {
     /// The camera whose image is `rect` of this one, resampled to `size` pixels.
     ///
     /// Rendering through it samples the rectangle on a regular grid; `rect` may lie partly outside the image.
+    #[must_use]
     pub fn crop(&self, rect: &Rect, size: [u32; 2]) -> Self {
         let scale = [f64::from(size[0]) / rect.width(), f64::from(size[1]) / rect.height()];
         Self {

@@ -233,6 +233,7 @@ impl PartClass {
     }
 
     /// The part that this one becomes when the image is flipped: left and right exchanged.
+    #[must_use]
     pub const fn opposite(self) -> Self {
         FACTS[self.index()].opposite
     }

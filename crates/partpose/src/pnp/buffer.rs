@@ -6,7 +6,6 @@ use nalgebra::Vector3;
 const INLINE: usize = 32;
 
 /// A list of at most [`INLINE`] items on the stack, or any number on the heap.
-#[expect(clippy::large_enum_variant, reason = "keeping the items out of the heap is the purpose")]
 pub(super) enum Buffer<T> {
     Stack([T; INLINE], usize),
     Heap(Vec<T>),

@@ -281,7 +281,7 @@ mod tests {
     #[test]
     fn diagonal_and_zero_matrices_have_eigenvectors() {
         let (values, vectors) = symmetric_eigen([[0.0; 4]; 4]);
-        assert_eq!(values, [0.0; 4]);
+        assert!(values.iter().all(|value| value.abs() < 1e-300));
         assert!(vectors.iter().all(|v| (v.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-15));
     }
 }

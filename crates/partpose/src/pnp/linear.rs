@@ -12,6 +12,9 @@ use crate::geometry::Camera;
 /// Points whose second spread is below this share of the first count as a line.
 const LINE: f64 = 1e-7;
 
+/// Extent, metres, below which the points count as one.
+const SMALLEST: f64 = 1e-100;
+
 /// Nine numbers: entry `3 j + c` is component `c` of the image of principal axis `j`.
 pub(super) type Nine = [f64; 9];
 
@@ -109,7 +112,7 @@ fn block(sums: &[f64; 4]) -> Matrix3<f64> {
 }
 
 /// Principal axes as columns and standard deviations along them, largest first.
-fn principal_axes(
+pub(super) fn principal_axes(
     correspondences: &[Correspondence],
     center: &Vector3<f64>,
 ) -> Result<(Matrix3<f64>, [f64; 3]), PnpError> {
@@ -117,8 +120,7 @@ fn principal_axes(
     for c in correspondences {
         extent = extent.max((c.point_in_object.coords - center).amax());
     }
-    // Scaled, so that squares of huge or tiny coordinates neither overflow nor vanish.
-    if !(extent > 0.0 && extent.is_finite() && (1.0 / extent).is_finite()) {
+    if !(extent > SMALLEST) {
         return Err(PnpError::Degenerate);
     }
     let mut covariance = [[0.0; 3]; 3];

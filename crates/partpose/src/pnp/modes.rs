@@ -54,15 +54,15 @@ pub fn solve(
     let mut failure = PnpError::BehindCamera;
     for minimum in minima.iter().take(REFINED) {
         match refine(correspondences, camera, &minimum.pose, options) {
-            Ok(refined) => place(refined, &mut best, &mut second),
+            Ok(refined) => place(&refined, &mut best, &mut second),
             Err(error) => failure = error,
         }
     }
     let Some(first) = best else { return Err(failure) };
     if let Some(refined) = second_mode(correspondences, camera, &first, options) {
-        place(refined, &mut best, &mut second);
+        place(&refined, &mut best, &mut second);
     }
-    Ok(weigh(best.unwrap_or(first), second))
+    Ok(weigh(&best.unwrap_or(first), second.as_ref()))
 }
 
 /// The mode on the other side of the line of sight, refined; `None` if it falls back onto the first or does not exist.
@@ -114,38 +114,38 @@ fn mirrored(correspondences: &[Correspondence], pose: &Pose) -> Option<Pose> {
 }
 
 /// Files a refined pose as best, as second, or nowhere. The distance rule of two modes refers to the object's origin.
-fn place(refined: Refinement, best: &mut Option<Refinement>, second: &mut Option<Refinement>) {
+fn place(refined: &Refinement, best: &mut Option<Refinement>, second: &mut Option<Refinement>) {
     let distinct =
         |a: &Refinement, b: &Refinement| are_distinct(&a.pose, &b.pose, &Vector3::zeros());
     match best {
-        None => *best = Some(refined),
+        None => *best = Some(*refined),
         Some(first) if refined.cost < first.cost => {
-            if distinct(first, &refined) {
+            if distinct(first, refined) {
                 *second = Some(*first);
-            } else if second.as_ref().is_some_and(|second| !distinct(second, &refined)) {
+            } else if second.as_ref().is_some_and(|second| !distinct(second, refined)) {
                 *second = None;
             }
-            *best = Some(refined);
+            *best = Some(*refined);
         }
-        Some(first) if distinct(first, &refined) => {
+        Some(first) if distinct(first, refined) => {
             if second.as_ref().is_none_or(|second| refined.cost < second.cost) {
-                *second = Some(refined);
+                *second = Some(*refined);
             }
         }
         Some(_) => {}
     }
 }
 
-fn weigh(best: Refinement, second: Option<Refinement>) -> Solution {
+fn weigh(best: &Refinement, second: Option<&Refinement>) -> Solution {
     let Some(second) = second else {
-        return Solution { best: Mode { refinement: best, probability: 1.0 }, second: None };
+        return Solution { best: Mode { refinement: *best, probability: 1.0 }, second: None };
     };
     let log_odds = 0.5 * (best.cost - second.cost) + log_volume(&second.covariance)
         - log_volume(&best.covariance);
     let probability = if log_odds.is_finite() { 1.0 / (1.0 + (-log_odds).exp()) } else { 0.0 };
     Solution {
-        best: Mode { refinement: best, probability: 1.0 - probability },
-        second: Some(Mode { refinement: second, probability }),
+        best: Mode { refinement: *best, probability: 1.0 - probability },
+        second: Some(Mode { refinement: *second, probability }),
     }
 }
 

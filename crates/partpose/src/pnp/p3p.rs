@@ -12,6 +12,8 @@ use crate::geometry::{Camera, Pose};
 
 /// Newton steps on the depths; two bring a good start to rounding.
 const POLISH_STEPS: usize = 4;
+/// Largest error of a squared side, as a share of the longest, in a solution.
+const FITS: f64 = 1e-6;
 /// Area of the triangle over its squared side, below which the points count as a line.
 const LINE: f64 = 1e-7;
 
@@ -58,7 +60,10 @@ pub(super) fn p3p_from_rays(
     let mut result = UpToFour { poses: [Pose::identity(); 4], len: 0 };
     let mut add = |depths: Vector3<f64>| {
         let depths = triangle.polish(depths);
-        if result.len == 4 || !depths.iter().all(|depth| *depth > 0.0 && depth.is_finite()) {
+        if result.len == 4
+            || !triangle.fits(&depths)
+            || !depths.iter().all(|depth| *depth > 0.0 && depth.is_finite())
+        {
             return;
         }
         let first = rays[0] * depths.x;
@@ -66,7 +71,8 @@ pub(super) fn p3p_from_rays(
         let rotation = Matrix3::from_columns(&[e12, e13, e12.cross(&e13)]) * inverse;
         let translation = first - rotation * points[0];
         let rotation = Rotation3::from_matrix_unchecked(rotation);
-        let rotation = UnitQuaternion::from_rotation_matrix(&rotation);
+        let rotation = UnitQuaternion::from_rotation_matrix(&rotation).into_inner();
+        let rotation = UnitQuaternion::new_normalize(rotation);
         if translation.iter().chain(rotation.coords.iter()).all(|value| value.is_finite()) {
             result.poses[result.len] = Pose::from_parts(translation.into(), rotation);
             result.len += 1;
@@ -141,17 +147,28 @@ impl Triangle {
         real_root(p3, p2, p1, p0)
     }
 
+    /// By how much the squared distances between points at these depths miss.
+    fn errors(&self, l: &Vector3<f64>) -> Vector3<f64> {
+        let [c12, c13, c23] = self.c;
+        Vector3::new(
+            l.x * l.x + l.y * l.y - 2.0 * c12 * l.x * l.y - self.a[0],
+            l.x * l.x + l.z * l.z - 2.0 * c13 * l.x * l.z - self.a[1],
+            l.y * l.y + l.z * l.z - 2.0 * c23 * l.y * l.z - self.a[2],
+        )
+    }
+
+    /// Whether the depths solve the problem; degenerate rays leave roots that do not.
+    fn fits(&self, depths: &Vector3<f64>) -> bool {
+        self.errors(depths).abs().max() < FITS * self.a.iter().fold(0.0, |max, a| a.max(max))
+    }
+
     /// Newton's method on the three squared distances.
     fn polish(&self, start: Vector3<f64>) -> Vector3<f64> {
         let mut l = start;
         let scale = self.a[0] + self.a[1] + self.a[2];
+        let [c12, c13, c23] = self.c;
         for _ in 0..POLISH_STEPS {
-            let [c12, c13, c23] = self.c;
-            let error = Vector3::new(
-                l.x * l.x + l.y * l.y - 2.0 * c12 * l.x * l.y - self.a[0],
-                l.x * l.x + l.z * l.z - 2.0 * c13 * l.x * l.z - self.a[1],
-                l.y * l.y + l.z * l.z - 2.0 * c23 * l.y * l.z - self.a[2],
-            );
+            let error = self.errors(&l);
             if error.abs().sum() < 1e-14 * scale {
                 break;
             }

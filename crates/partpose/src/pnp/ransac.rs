@@ -22,6 +22,8 @@ const MIN_POINTS: usize = 4;
 const EXHAUSTIVE: usize = 8;
 /// Rounds of refining on the inliers and looking again who they are.
 const ROUNDS: usize = 4;
+/// Relative displacement and angle (radians) below which two settled hypotheses are one.
+const SAME: f64 = 1e-3;
 /// Hypotheses that are refined.
 const KEPT: usize = 6;
 
@@ -36,7 +38,7 @@ pub struct RansacOptions {
     pub iterations: [u32; 2],
     /// Probability with which at least one triple without outliers should be drawn.
     pub confidence: f64,
-    /// Seed of the ChaCha8 generator that draws the triples.
+    /// Seed of the `ChaCha8` generator that draws the triples.
     pub seed: u64,
 }
 
@@ -87,8 +89,20 @@ pub fn ransac(
         search.draw(options);
     }
     let mut best: Option<RansacSolution> = None;
+    let mut visited: Vec<Pose> = Vec::with_capacity(KEPT);
     for (_, start) in search.kept.iter().flatten() {
-        let Some(found) = optimise(correspondences, camera, start, options) else { continue };
+        let start = settle(correspondences, camera, start, options);
+        // Most of the best hypotheses come from the same triples of true matches and settle on one pose.
+        let seen = visited.iter().any(|pose| {
+            let shift = (pose.translation.vector - start.translation.vector).norm();
+            shift < SAME * start.translation.vector.norm()
+                && pose.rotation.angle_to(&start.rotation) < SAME
+        });
+        if seen {
+            continue;
+        }
+        visited.push(start);
+        let Some(found) = optimise(correspondences, camera, &start, options) else { continue };
         if best.as_ref().is_none_or(|best| found.score < best.score) {
             best = Some(found);
         }
@@ -184,7 +198,20 @@ fn distance2(c: &Correspondence, camera: &Camera, pose: &Pose) -> f64 {
     }
 }
 
-/// Refines a hypothesis robustly, then on its inliers until they stay the same.
+/// Refines a hypothesis robustly; itself where that fails.
+fn settle(
+    correspondences: &[Correspondence],
+    camera: &Camera,
+    start: &Pose,
+    options: &RansacOptions,
+) -> Pose {
+    let scale = options.threshold / options.refine.sigma;
+    let loss = Loss::GemanMcClure { scale };
+    let robust = RefineOptions { loss, max_iterations: 15, tolerance: 1e-5, ..options.refine };
+    refine(correspondences, camera, start, &robust).map_or(*start, |refined| refined.pose)
+}
+
+/// Refines a pose on its inliers until they stay the same.
 fn optimise(
     correspondences: &[Correspondence],
     camera: &Camera,
@@ -195,11 +222,8 @@ fn optimise(
     let flags = |pose: &Pose| -> Vec<bool> {
         correspondences.iter().map(|c| distance2(c, camera, pose) < limit).collect()
     };
-    let scale = options.threshold / options.refine.sigma;
-    let robust =
-        RefineOptions { loss: Loss::GemanMcClure { scale }, max_iterations: 15, ..options.refine };
     let plain = RefineOptions { loss: Loss::None, ..options.refine };
-    let mut pose = refine(correspondences, camera, start, &robust).map_or(*start, |r| r.pose);
+    let mut pose = *start;
     let mut inliers = flags(&pose);
     let mut refinement = None;
     for _ in 0..ROUNDS {

@@ -53,7 +53,7 @@ pub struct RefineOptions {
 impl Default for RefineOptions {
     fn default() -> Self {
         let priors = Priors::default();
-        Self { sigma: 1.0, loss: Loss::None, priors, max_iterations: 50, tolerance: 1e-10 }
+        Self { sigma: 1.0, loss: Loss::None, priors, max_iterations: 50, tolerance: 1e-8 }
     }
 }
 

@@ -28,9 +28,9 @@ const MIN_POINTS: usize = 3;
 /// Steps from one start; 4 to 8 are usual.
 const MAX_STEPS: usize = 30;
 /// Rotation, radians, below which a step ends the descent; convergence is quadratic, so the error is its square.
-const CONVERGED: f64 = 1e-7;
-/// Two minima closer than this (radians) are one.
-const SAME: f64 = 1e-3;
+const CONVERGED: f64 = 1e-6;
+/// A descent that comes this close (radians) to a known minimum is heading for it.
+const SAME: f64 = 0.02;
 /// Third spread over first spread below which the in-plane part gives starts of its own.
 const NEARLY_FLAT: f64 = 0.1;
 /// Most minima that are told apart; quadrics on rotations have at most 8 of practical interest.
@@ -139,18 +139,24 @@ impl Minima {
     }
 
     fn descend(&mut self, form: &LinearForm, start: Matrix3<f64>) {
-        let (rotation, error) = descend(&form.omega, start);
+        // The Frobenius norm of a difference of rotations is the root of 2 times the angle between them.
+        let same = |m: &Minimum, rotation: &Matrix3<f64>| {
+            (m.rotation - rotation).norm_squared() < 2.0 * SAME * SAME
+        };
+        let known = &self.found[..self.len];
+        // One that has already fallen deeper was not found yet, but where a descent ran out of steps.
+        let is_known = |rotation: &Matrix3<f64>, error: f64| {
+            known.iter().any(|m| same(m, rotation) && error >= m.error)
+        };
+        let Some((rotation, error)) = descend(&form.omega, start, is_known) else { return };
         if !error.is_finite() || !(form.centroid_in_camera(&columns(&rotation)).z > 0.0) {
             return;
         }
         self.least = self.least.min(error);
-        for other in &mut self.found[..self.len] {
-            if (other.rotation - rotation).norm() < SAME * std::f64::consts::SQRT_2 {
-                if error < other.error {
-                    *other = Minimum { rotation, error };
-                }
-                return;
-            }
+        let twin = self.found[..self.len].iter_mut().find(|m| same(m, &rotation));
+        if let Some(twin) = twin {
+            *twin = Minimum { rotation, error };
+            return;
         }
         if self.len < MAX_MINIMA {
             self.found[self.len] = Minimum { rotation, error };
@@ -176,8 +182,12 @@ fn apply(omega: &[Nine; 9], rotation: &Matrix3<f64>) -> (Matrix3<f64>, f64) {
     (Matrix3::from_column_slice(&y), error)
 }
 
-/// Follows `x' omega x` down to a minimum over the rotations by damped Newton steps.
-fn descend(omega: &[Nine; 9], start: Matrix3<f64>) -> (Matrix3<f64>, f64) {
+/// Follows `x' omega x` down to a minimum over the rotations by damped Newton steps; `None` if it is a known one.
+fn descend(
+    omega: &[Nine; 9],
+    start: Matrix3<f64>,
+    is_known: impl Fn(&Matrix3<f64>, f64) -> bool,
+) -> Option<(Matrix3<f64>, f64)> {
     let mut rotation = start;
     let (mut image, mut error) = apply(omega, &rotation);
     let mut damping = 0.0;
@@ -203,12 +213,15 @@ fn descend(omega: &[Nine; 9], start: Matrix3<f64>) -> (Matrix3<f64>, f64) {
         }
         let Some((next, next_image, next_error, step2)) = accepted else { break };
         (rotation, image, error) = (next, next_image, next_error);
+        if is_known(&rotation, error) {
+            return None;
+        }
         damping = if damping > 1e-6 * size { damping * 0.1 } else { 0.0 };
         if step2 < CONVERGED * CONVERGED {
             break;
         }
     }
-    (rotation, error.max(0.0))
+    Some((rotation, error.max(0.0)))
 }
 
 /// Half the gradient and half the second derivative of `x' omega x` by a rotation vector on the left.

@@ -44,7 +44,7 @@ pub fn synthetic_problem(seed: u64, options: &SyntheticOptions) -> SyntheticProb
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let camera = Camera::pinhole(725.0, [620.5, 187.0], [1242, 375]);
     let mut within = |half: f64| if half > 0.0 { random.random_range(-half..half) } else { 0.0 };
-    let angles = EulerAngles { x: within(0.2), y: within(3.14), z: within(0.2) };
+    let angles = EulerAngles { x: within(0.2), y: within(std::f64::consts::PI), z: within(0.2) };
     let near = options.distance[0];
     let depth = near + (0.5 + within(0.5)) * (options.distance[1] - near);
     let center = Vector3::new(within(0.6) * depth, 1.0 + within(0.5), depth);

@@ -174,6 +174,7 @@ struct ModelEntry {
     name: String,
     extent: Extent,
     mesh: Mesh,
+    is_closed: bool,
     centers: PartMap<Point3>,
     viewpoints: Vec<Viewpoint>,
 }
@@ -207,6 +208,7 @@ impl PoseEstimator {
             name: model.name().to_owned(),
             extent: model.extent(),
             mesh: model.mesh().clone(),
+            is_closed: model.mesh().is_closed(),
             centers: model_centers(model, options.center_3d),
             viewpoints: match options.center_3d {
                 Center3d::Visible => visible::viewpoint_table(model, options.center_2d),
@@ -359,6 +361,7 @@ impl PoseEstimator {
                 mesh: &model.mesh,
                 scale: *scale,
                 camera_from_vehicle,
+                is_closed: model.is_closed,
             };
             let seen =
                 visible::visible_parts(&view, &window, self.options.center_2d, known, renderer);

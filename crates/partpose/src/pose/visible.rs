@@ -42,7 +42,12 @@ pub(super) struct View<'a> {
     pub mesh: &'a Mesh,
     pub scale: Vector3,
     pub camera_from_vehicle: Pose,
+    /// Whether faces seen from behind may be left out: the mesh is closed.
+    pub is_closed: bool,
 }
+
+/// Depth in metres beyond which no vehicle reaches the near plane.
+const CLEAR_OF_NEAR_PLANE: f64 = 8.0;
 
 /// The visible centres within a window of the image, where `is_known` of the sample's pixel.
 pub(super) fn visible_parts(
@@ -59,7 +64,9 @@ pub(super) fn visible_parts(
         camera_from_vehicle: view.camera_from_vehicle,
         id: 1,
     };
-    let image = renderer.render(&crop, &[instance], &RenderOptions::default());
+    let is_clear = view.camera_from_vehicle.translation.z > CLEAR_OF_NEAR_PLANE;
+    let options = RenderOptions { cull_back_faces: view.is_closed && is_clear };
+    let image = renderer.render(&crop, &[instance], &options);
     let mut sums = [Sums::EMPTY; CHANNELS];
     let step = [window.width() / f64::from(GRID), window.height() / f64::from(GRID)];
     for (at, (label, depth)) in image.parts.iter().zip(&image.depths).enumerate() {
@@ -168,6 +175,7 @@ pub(super) fn viewpoint_table(model: &VehicleModel, kind: Center2d) -> Vec<Viewp
             mesh: model.mesh(),
             scale: Vector3::repeat(1.0),
             camera_from_vehicle,
+            is_closed: false,
         };
         let seen = visible_parts(&view, &window, kind, |_| true, &mut renderer);
         let total: f64 = seen.iter().map(|(_, part)| part.share).sum();

@@ -33,6 +33,9 @@ pub enum ModelError {
         /// How many vertices there are.
         count: usize,
     },
+    /// Parameters that make no vehicle.
+    #[error("{0} make no vehicle")]
+    Parameters(&'static str),
     /// A vertex is not a finite point.
     #[error("vertex {vertex} is not finite")]
     NotFinite {

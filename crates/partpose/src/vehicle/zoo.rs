@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::files::{self, FileError};
 use crate::geometry::Extent;
 
-use super::{GlbError, VehicleModel, from_glb, to_glb};
+use super::{GlbError, ParametricVehicle, VehicleModel, from_glb, to_glb};
 
 /// Models in a fixed order; where errors tie, the first wins.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -81,6 +81,13 @@ impl ZooError {
 }
 
 impl ModelZoo {
+    /// The models that come with the library: parametric ones, a sedan and a hatchback.
+    pub fn embedded() -> Self {
+        let vehicles = [ParametricVehicle::sedan(), ParametricVehicle::hatchback()];
+        let build = |vehicle: ParametricVehicle| vehicle.build().expect("a test builds them");
+        Self { models: vehicles.map(build).to_vec() }
+    }
+
     /// Reads a folder of `.glb` files in the order of their names, or a single file.
     ///
     /// A zoo that holds no model is an error: nothing can be fitted with it.

@@ -1,7 +1,6 @@
 //! A made-up car for tests and benches.
 
-use nalgebra::UnitQuaternion;
-use partpose::geometry::{Extent, Point3, Pose, Vector3};
+use partpose::geometry::{Extent, Point3, Vector3};
 use partpose::parts::PartClass;
 use partpose::vehicle::Mesh;
 
@@ -42,19 +41,6 @@ pub(crate) fn car(n: u32) -> Mesh {
         }
     }
     mesh
-}
-
-/// Ten cars at 8 to 40 m that a camera of 725 px focal length sees next to each other.
-pub(crate) fn ten_poses() -> Vec<Pose> {
-    (0..10)
-        .map(|i| {
-            let k = f64::from(i);
-            let z = 8.0 + 32.0 * k / 9.0;
-            let x = (k * 2.4).sin() * 0.6 * z;
-            let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, k * 0.7, 0.0));
-            Pose::from_parts(Vector3::new(x, 1.5, z).into(), rotation)
-        })
-        .collect()
 }
 
 /// Linear through the knots `(height, value)`.

@@ -47,7 +47,7 @@ fn labels_are_moved_to_the_colour_camera() {
     // rotation_y = -90 degrees drives away from the camera: along z.
     assert!((yaw.y - (std::f64::consts::FRAC_PI_2 - 1.57)).abs() < 1e-9);
     assert_eq!((vehicle.truncated, vehicle.occluded, vehicle.dont_care), (2, 1, false));
-    assert_eq!(vehicle.bounds.x_min, 100.5);
+    assert!((vehicle.bounds.x_min - 100.5).abs() < 1e-12);
 }
 
 #[test]
@@ -61,7 +61,7 @@ fn other_types_are_passed_over_and_dont_care_is_an_area() {
     assert!(read.problems.is_empty(), "{:?}", read.problems);
     let frame = &read.frames[0];
     assert_eq!((frame.vehicles.len(), frame.ignored.len()), (1, 1));
-    assert_eq!(frame.ignored[0].x_max, 7.0);
+    assert!((frame.ignored[0].x_max - 7.0).abs() < 1e-12);
     assert_eq!(read.line_of(0, 0), Some(3));
 }
 

@@ -1,5 +1,7 @@
 //! Readers of data sets on invented folders, on hostile ones, and on the published data where that is at hand.
 
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail loudly too")]
+
 mod check;
 mod hostile;
 mod kitti;
@@ -8,6 +10,7 @@ mod vkitti1;
 mod vkitti2;
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use partpose::dataset::SequenceId;
@@ -81,7 +84,8 @@ fn vkitti1(rows: &str) -> (tempfile::TempDir, PathBuf) {
     let mut extrinsics =
         "frame r1,1 r1,2 r1,3 t1 r2,1 r2,2 r2,3 t2 r3,1 r3,2 r3,3 t3 0 0.1 0.2 1\n".to_owned();
     for frame in 0..4 {
-        extrinsics += &format!("{frame} 1 0 0 0.5 0 1 0 100 0 0 1 -{frame} 0 0 0 1\n");
+        let row = format!("{frame} 1 0 0 0.5 0 1 0 100 0 0 1 -{frame} 0 0 0 1\n");
+        extrinsics += &row;
     }
     write(&root, "vkitti_1.3.1_extrinsicsgt/0001_clone.txt", &extrinsics);
     (folder, root)
@@ -104,6 +108,6 @@ fn published(name: &str) -> Option<PathBuf> {
     if root.is_dir() {
         return Some(root);
     }
-    println!("skipped: `{}` is not there", root.display());
+    let _ = writeln!(std::io::stdout(), "skipped: `{}` is not there", root.display());
     None
 }

@@ -1,6 +1,6 @@
 //! Facts that were verified on the published data; skipped where these are absent.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::FRAC_PI_2;
 
 use partpose::dataset::folds::{Fold, Folds};
@@ -124,7 +124,6 @@ fn cuboids_project_onto_their_boxes() {
         }
     }
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-    println!("{} boxes, mean error {mean:.3} px", errors.len());
     assert_eq!(errors.len(), 6453);
     assert!((mean - 0.83).abs() < 0.02, "{mean}");
 }
@@ -132,41 +131,35 @@ fn cuboids_project_onto_their_boxes() {
 #[test]
 fn part_masks_lie_in_the_boxes() {
     let Some(dataset) = open() else { return };
-    let (mut inside, mut all) = (0, 0);
+    let (mut inside, mut all) = (0.0, 0.0);
     for frame in frames(&dataset, "0018").iter().step_by(20) {
         let mask = frame.read_parts().unwrap();
         for (i, _) in mask.labels.iter().enumerate().filter(|(_, label)| **label != 0) {
             let (x, y) = (i as u32 % mask.size[0], i as u32 / mask.size[0]);
             let pixel = Point2::new(f64::from(x), f64::from(y));
-            all += 1;
-            inside += usize::from(frame.vehicles.iter().any(|v| v.bounds.contains(&pixel)));
+            all += 1.0;
+            inside += f64::from(frame.vehicles.iter().any(|v| v.bounds.contains(&pixel)));
         }
     }
-    assert!(all > 10_000 && inside as f64 >= 0.999 * all as f64, "{inside} of {all}");
+    assert!(all > 1e4 && inside >= 0.999 * all, "{inside} of {all}");
 }
 
 #[test]
 fn four_folds_of_both_worlds_have_each_of_the_four_models() {
     let Some(dataset) = open() else { return };
     let folds = Folds::of(&dataset, dataset.sequences(), 4).unwrap();
-    let mut count: BTreeMap<(String, usize), (usize, std::collections::BTreeSet<(String, u32)>)> =
-        BTreeMap::new();
+    let mut count: BTreeMap<(String, usize), usize> = BTreeMap::new();
     for (world, ..) in WORLDS {
         for (frame, vehicle) in vehicles(&frames(&dataset, world)) {
             let track = vehicle.track.unwrap();
             let fold = folds.fold_of(&frame.sequence, track);
             let key = (vehicle.model.clone().unwrap(), fold);
-            let entry = count.entry(key).or_default();
-            entry.0 += usize::from(!vehicle.dont_care);
-            entry.1.insert((world.to_owned(), track));
+            *count.entry(key).or_default() += usize::from(!vehicle.dont_care);
         }
-    }
-    for ((model, fold), (rows, tracks)) in &count {
-        println!("{model} fold {fold}: {rows} rows of {} tracks", tracks.len());
     }
     for model in ["Hatchback", "Sedan4Door", "SUV", "Hybrid"] {
         for fold in 1..=4 {
-            assert!(count.get(&(model.to_owned(), fold)).is_some_and(|(rows, _)| *rows > 0));
+            assert!(count.get(&(model.to_owned(), fold)).is_some_and(|rows| *rows > 50));
         }
     }
     let fold = Fold { index: 1, count: 4 };
@@ -178,7 +171,7 @@ fn four_folds_of_both_worlds_have_each_of_the_four_models() {
 fn the_split_of_the_two_worlds_counts_frames_with_vehicle_pixels() {
     let Some(dataset) = open() else { return };
     let mut counts = BTreeMap::new();
-    let mut empty = std::collections::BTreeSet::new();
+    let mut empty = BTreeSet::new();
     for (world, count, ..) in WORLDS {
         let sequence = id(world, "clone");
         for frame in frames(&dataset, world) {
@@ -212,10 +205,11 @@ fn kitti_frames_are_read_with_their_own_sizes() {
     let count: Vec<(usize, usize)> =
         read.frames.iter().map(|frame| (frame.vehicles.len(), frame.ignored.len())).collect();
     assert_eq!(count, [(0, 0), (2, 4), (1, 0)]);
-    // Hand-drawn boxes around cuboids that are a little larger than the cars.
     for (frame, vehicle) in vehicles(&read.frames) {
         let projected = vehicle.cuboid.project(&frame.camera).unwrap();
-        assert!(projected.iou(&vehicle.bounds) > 0.75, "{}", projected.iou(&vehicle.bounds));
+        // Measured 0.5 px at most; without the offset of P2 the nearest is 5 px off.
+        let (a, b) = (projected, vehicle.bounds);
+        assert!((a.x_min - b.x_min).abs() < 1.5 && (a.x_max - b.x_max).abs() < 1.5, "{a:?} {b:?}");
     }
     let car = &read.frames[1].vehicles[1];
     let yaw =

@@ -15,6 +15,7 @@ use partpose::files;
 use partpose::oracle::{Degradation, OracleBox};
 use partpose::pose::{Center2d, Center3d, PartFilters, PoseOptions};
 use partpose::vehicle::ModelZoo;
+
 use serde_json::json;
 
 use crate::pose_flags::PoseFlags;

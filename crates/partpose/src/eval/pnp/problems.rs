@@ -115,9 +115,8 @@ pub fn read_problem_set(path: &Path) -> Result<ProblemSet, ProblemError> {
     };
     let reader = Reader { path, file: &file };
     let shape = reader.shape("points")?;
-    let (trials, points) = match shape[..] {
-        [trials, points, 3] => (trials, points),
-        _ => return Err(reader.mismatch("points", "F32 [trials, points, 3]")),
+    let [trials, points, 3] = shape[..] else {
+        return Err(reader.mismatch("points", "F32 [trials, points, 3]"));
     };
     let object: Vec<f64> = reader.floats("points", &[trials, points, 3])?;
     let pixels: Vec<f64> = reader.floats("pixels", &[trials, points, 2])?;

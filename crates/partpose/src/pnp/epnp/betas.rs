@@ -6,30 +6,33 @@ use crate::pnp::linear::Nine;
 /// Steps of Gauss-Newton; 5 to 8 are usual.
 const MAX_STEPS: usize = 12;
 /// Relative change of the betas at which Gauss-Newton has converged.
-const CONVERGED: f64 = 1e-7;
+const CONVERGED: f64 = 1e-5;
+/// Relative distance of betas within which a known minimum is being approached again.
+const SAME: f64 = 1e-2;
+/// Damping of the first step, relative to the diagonal.
+const FIRST_DAMPING: f64 = 1e-6;
+/// How far the extra starts are from case N = 1, in units of its beta; anything from 0.2 to 0.5 does as well.
+const PUSH: f64 = 0.3;
 /// Pairs of control points: axis a and axis b, or the centroid where b is 3.
 const PAIRS: [(usize, usize); 6] = [(0, 3), (1, 3), (0, 1), (2, 3), (0, 2), (1, 2)];
 /// Products of two of up to four betas, in the order of the columns of the linear systems.
 const PRODUCTS: [(usize, usize); 10] =
     [(0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2), (0, 3), (1, 3), (2, 3), (3, 3)];
 
-/// The distance constraints in terms of products of betas: `K` null vectors, `D` distances.
+/// The distance constraints: `K` null vectors, `D` distances, one form in the betas each.
 pub(super) struct Distances<const K: usize, const D: usize> {
-    /// Coefficients of the products, off-diagonal ones doubled.
-    coefficients: [[f64; 10]; D],
+    /// The squared distance of each pair is `betas' form betas`.
+    forms: [[[f64; K]; K]; D],
     /// Squared distances between control points in the object.
     squared: [f64; D],
-    /// The betas of case N = 1 need plain lengths: sum of products of lengths, sum of squared lengths.
-    lengths: [f64; 2],
 }
 
 impl<const K: usize, const D: usize> Distances<K, D> {
     /// From the null vectors (control points relative to the centroid) and the control points' distances from it.
-    pub(super) fn new(vectors: &[Nine; K], scales: &[f64; 3]) -> Self {
-        let mut coefficients = [[0.0; 10]; D];
+    pub(super) fn new(vectors: &[Nine; K], lengths: &[f64; 3]) -> Self {
+        let mut forms = [[[0.0; K]; K]; D];
         let mut squared = [0.0; D];
-        let mut lengths = [0.0; 2];
-        for (row, &(a, b)) in PAIRS.iter().take(D).enumerate() {
+        for (pair, &(a, b)) in PAIRS.iter().take(D).enumerate() {
             let difference = vectors.map(|v| {
                 let mut d = [v[3 * a], v[3 * a + 1], v[3 * a + 2]];
                 if b < 3 {
@@ -39,116 +42,140 @@ impl<const K: usize, const D: usize> Distances<K, D> {
                 }
                 d
             });
-            for (column, &(k, l)) in PRODUCTS.iter().enumerate() {
-                if l < K {
+            for k in 0..K {
+                for l in 0..=k {
                     let (x, y) = (&difference[k], &difference[l]);
                     let dot = x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
-                    coefficients[row][column] = if k == l { dot } else { 2.0 * dot };
+                    forms[pair][k][l] = dot;
+                    forms[pair][l][k] = dot;
                 }
             }
-            squared[row] = scales[a] * scales[a];
+            squared[pair] = lengths[a] * lengths[a];
             if b < 3 {
-                squared[row] += scales[b] * scales[b];
+                squared[pair] += lengths[b] * lengths[b];
             }
-            let length2 = coefficients[row][0];
-            lengths[0] += (length2 * squared[row]).sqrt();
-            lengths[1] += length2;
         }
-        Self { coefficients, squared, lengths }
+        Self { forms, squared }
     }
 
-    /// Minimises the squared errors of the squared distances, damped after Levenberg.
-    pub(super) fn gauss_newton(&self, start: [f64; K]) -> [f64; K] {
-        let mut betas = start;
-        let (mut errors, mut cost) = self.errors(&betas);
-        let mut damping = 1e-6;
-        let mut system = self.normal_equations(&betas, &errors);
-        for _ in 0..MAX_STEPS {
-            let mut matrix = system.0;
-            for (k, row) in matrix.iter_mut().enumerate() {
-                row[k] += damping * (row[k] + 1e-12);
+    /// Coefficient of a product of two betas in a distance.
+    fn coefficient(&self, pair: usize, product: usize) -> f64 {
+        let (k, l) = PRODUCTS[product];
+        if l >= K {
+            return 0.0;
+        }
+        if k == l { self.forms[pair][k][l] } else { 2.0 * self.forms[pair][k][l] }
+    }
+
+    /// The distinct minima that the starts lead to.
+    pub(super) fn minima<const S: usize>(
+        &self,
+        starts: [Option<[f64; K]>; S],
+    ) -> impl Iterator<Item = [f64; K]> {
+        let mut found = [[0.0; K]; S];
+        let mut len = 0;
+        for start in starts.into_iter().flatten() {
+            if let Some(betas) = self.gauss_newton(start, &found[..len]) {
+                found[len] = betas;
+                len += 1;
             }
-            let Some(step) = solve_positive(&matrix, &system.1) else {
-                damping *= 100.0;
+        }
+        found.into_iter().take(len)
+    }
+
+    /// Minimises the squared errors of the squared distances, damped after Levenberg and Marquardt.
+    ///
+    /// `None` as soon as it comes close to a minimum that is already known.
+    fn gauss_newton(&self, start: [f64; K], known: &[[f64; K]]) -> Option<[f64; K]> {
+        let size = |b: &[f64; K]| b.iter().map(|x| x * x).sum::<f64>();
+        let is_known = |betas: &[f64; K]| {
+            let near = SAME * SAME * size(betas);
+            // The sign of all betas is arbitrary.
+            known.iter().any(|other| {
+                size(&std::array::from_fn(|k| betas[k] - other[k])) < near
+                    || size(&std::array::from_fn(|k| betas[k] + other[k])) < near
+            })
+        };
+        let mut betas = start;
+        let mut here = self.linearise(&betas);
+        let mut damping = FIRST_DAMPING;
+        for _ in 0..MAX_STEPS {
+            let mut matrix = here.matrix;
+            for (k, row) in matrix.iter_mut().enumerate() {
+                row[k] *= 1.0 + damping;
+            }
+            let Some(step) = solve_positive(&matrix, &here.right) else {
+                damping = (damping * 100.0).max(FIRST_DAMPING);
                 continue;
             };
             let next: [f64; K] = std::array::from_fn(|k| betas[k] - step[k]);
-            let (next_errors, next_cost) = self.errors(&next);
-            if next_cost < cost {
-                let size = |b: &[f64; K]| b.iter().map(|x| x * x).sum::<f64>();
-                let done = size(&step) < CONVERGED * CONVERGED * size(&next);
-                (betas, errors, cost) = (next, next_errors, next_cost);
-                if done {
+            let there = self.linearise(&next);
+            if there.cost < here.cost {
+                let arrived = size(&step) < CONVERGED * CONVERGED * size(&next);
+                (betas, here) = (next, there);
+                if is_known(&betas) {
+                    return None;
+                }
+                if arrived {
                     break;
                 }
                 damping *= 0.1;
-                system = self.normal_equations(&betas, &errors);
             } else {
-                if damping > 1e3 || next_cost <= cost * (1.0 + 1e-9) {
+                // A refused step of no consequence: rounding is all that is left.
+                if there.cost <= here.cost * (1.0 + 1e-9) || damping > 1e3 {
                     break;
                 }
-                damping = (damping * 30.0).max(1e-6);
+                damping = (damping * 30.0).max(FIRST_DAMPING);
             }
         }
-        betas
+        Some(betas)
     }
 
-    fn errors(&self, betas: &[f64; K]) -> ([f64; D], f64) {
-        let mut products = [0.0; 10];
-        for (product, &(k, l)) in products.iter_mut().zip(&PRODUCTS) {
-            if l < K {
-                *product = betas[k] * betas[l];
-            }
-        }
-        let mut errors = [0.0; D];
-        let mut cost = 0.0;
-        for (row, error) in errors.iter_mut().enumerate() {
-            let mut sum = -self.squared[row];
-            for (coefficient, product) in self.coefficients[row].iter().zip(&products) {
-                sum += coefficient * product;
-            }
-            *error = sum;
-            cost += sum * sum;
-        }
-        (errors, cost)
-    }
-
-    fn normal_equations(&self, betas: &[f64; K], errors: &[f64; D]) -> ([[f64; K]; K], [f64; K]) {
-        let mut matrix = [[0.0; K]; K];
-        let mut right = [0.0; K];
-        for row in 0..D {
+    fn linearise(&self, betas: &[f64; K]) -> Linearised<K> {
+        let mut result = Linearised { matrix: [[0.0; K]; K], right: [0.0; K], cost: 0.0 };
+        for (form, squared) in self.forms.iter().zip(&self.squared) {
+            // Half the derivative of the distance.
             let mut slope = [0.0; K];
-            for (coefficient, &(k, l)) in self.coefficients[row].iter().zip(&PRODUCTS) {
-                if l < K {
-                    slope[k] += coefficient * betas[l];
-                    slope[l] += coefficient * betas[k];
+            for (row, beta) in form.iter().zip(betas) {
+                for k in 0..K {
+                    slope[k] += row[k] * beta;
                 }
             }
+            let mut error = -squared;
             for k in 0..K {
-                right[k] += slope[k] * errors[row];
+                error += slope[k] * betas[k];
+            }
+            result.cost += error * error;
+            for k in 0..K {
+                // Twice the slope on both sides, once in the step: factor 2 = 4 / 2.
+                result.right[k] += slope[k] * error;
                 for l in 0..=k {
-                    matrix[k][l] += slope[k] * slope[l];
+                    result.matrix[k][l] += 2.0 * slope[k] * slope[l];
                 }
             }
         }
-        (matrix, right)
+        result
     }
 
-    /// Case N = 1, in closed form.
-    fn one(&self) -> Option<[f64; K]> {
-        let mut betas = [0.0; K];
-        betas[0] = self.lengths[0] / self.lengths[1];
-        (betas[0].is_finite() && betas[0] > 0.0).then_some(betas)
+    /// Case N = 1: the ratio of the distances, each weighted by its length in the null vector.
+    fn one(&self) -> Option<f64> {
+        let (mut above, mut below) = (0.0, 0.0);
+        for (form, squared) in self.forms.iter().zip(&self.squared) {
+            above += (form[0][0] * squared).sqrt();
+            below += form[0][0];
+        }
+        let beta = above / below;
+        (beta > 0.0 && beta.is_finite()).then_some(beta)
     }
 
-    /// Products in the given columns by least squares, all others taken as zero.
-    fn products<const C: usize>(&self, columns: [usize; C]) -> Option<[f64; 10]> {
+    /// The betas whose products solve the distances by least squares, products other than these taken as zero.
+    fn least_squares<const C: usize>(&self, columns: [usize; C]) -> Option<[f64; K]> {
         let mut matrix = [[0.0; C]; C];
         let mut right = [0.0; C];
-        for row in 0..D {
-            let entries = columns.map(|column| self.coefficients[row][column]);
+        for pair in 0..D {
+            let entries = columns.map(|column| self.coefficient(pair, column));
             for i in 0..C {
-                right[i] += entries[i] * self.squared[row];
+                right[i] += entries[i] * self.squared[pair];
                 for j in 0..=i {
                     matrix[i][j] += entries[i] * entries[j];
                 }
@@ -159,18 +186,34 @@ impl<const K: usize, const D: usize> Distances<K, D> {
         for (column, value) in columns.into_iter().zip(solution) {
             products[column] = value;
         }
-        Some(products)
+        betas(&products)
     }
 }
 
+/// Normal equations (lower triangle) and cost of the distance errors at some betas.
+struct Linearised<const K: usize> {
+    matrix: [[f64; K]; K],
+    right: [f64; K],
+    cost: f64,
+}
+
 impl Distances<4, 6> {
-    /// Starts for four control points: the paper's cases N = 1..4.
-    pub(super) fn starts_of_four(&self) -> [Option<[f64; 4]>; 4] {
+    /// Starts for four control points: the paper's cases N = 1..4, then case 1 pushed along its neighbours.
+    ///
+    /// With noise the distance errors have several minima around the weakest vector, told apart by the signs of the
+    /// second and third beta; the linearised cases often fall into the wrong one.
+    pub(super) fn starts_of_four(&self) -> [Option<[f64; 4]>; 8] {
+        let one = self.one();
+        let pushed = |second: f64, third: f64| one.map(|b| [b, second * b, third * b, 0.0]);
         [
-            self.one(),
-            self.products([0, 1, 2]).and_then(|p| betas(&p)),
-            self.products([0, 1, 2, 3, 4, 5]).and_then(|p| betas(&p)),
-            self.relinearise().and_then(|p| betas(&p)),
+            pushed(0.0, 0.0),
+            self.least_squares([0, 1, 2]),
+            self.least_squares([0, 1, 2, 3, 4, 5]),
+            self.relinearise().and_then(|products| betas(&products)),
+            pushed(PUSH, 0.0),
+            pushed(-PUSH, 0.0),
+            pushed(0.0, PUSH),
+            pushed(0.0, -PUSH),
         ]
     }
 
@@ -179,7 +222,7 @@ impl Distances<4, 6> {
     /// Elimination leaves four products free. That `b_ij b_kl = b_ik b_jl` holds is linear in the monomials of these
     /// four, taken as unknowns of their own: 20 equations, 14 unknowns.
     fn relinearise(&self) -> Option<[f64; 10]> {
-        let (constant, slopes, free) = self.eliminate()?;
+        let (constant, slopes) = self.eliminate()?;
         let affine = |column: usize| (constant[column], slopes[column]);
         let mut matrix = [[0.0; 14]; 14];
         let mut right = [0.0; 14];
@@ -218,18 +261,17 @@ impl Distances<4, 6> {
                 products[column] += slope[i] * unknowns[i];
             }
         }
-        debug_assert!(free.iter().all(|column| *column < 10));
         Some(products)
     }
 
     /// Solves the six equations for six of the ten products: `products = constant + slopes * (the four free ones)`.
-    fn eliminate(&self) -> Option<([f64; 10], [[f64; 4]; 10], [usize; 4])> {
+    fn eliminate(&self) -> Option<([f64; 10], [[f64; 4]; 10])> {
         let mut rows = [[0.0; 11]; 6];
-        for (row, (coefficients, squared)) in
-            rows.iter_mut().zip(self.coefficients.iter().zip(&self.squared))
-        {
-            row[..10].copy_from_slice(coefficients);
-            row[10] = *squared;
+        for (pair, row) in rows.iter_mut().enumerate() {
+            for (product, entry) in row.iter_mut().take(10).enumerate() {
+                *entry = self.coefficient(pair, product);
+            }
+            row[10] = self.squared[pair];
         }
         let mut columns: [usize; 10] = std::array::from_fn(|i| i);
         for step in 0..6 {
@@ -267,17 +309,19 @@ impl Distances<4, 6> {
         for (i, column) in free.into_iter().enumerate() {
             slopes[column][i] = 1.0;
         }
-        Some((constant, slopes, free))
+        Some((constant, slopes))
     }
 }
 
 impl Distances<3, 3> {
-    /// Starts for three control points: N = 1, and N = 2 from three products and three distances.
-    pub(super) fn starts_of_three(&self) -> [Option<[f64; 3]>; 3] {
+    /// Starts for three control points: N = 1, N = 2 from three products and three distances, and neighbours.
+    pub(super) fn starts_of_three(&self) -> [Option<[f64; 3]>; 4] {
+        let one = self.one();
         [
-            self.one(),
-            self.products([0, 1, 2]).and_then(|p| betas(&p)),
-            self.products([0, 1, 3]).and_then(|p| betas(&p)),
+            one.map(|b| [b, 0.0, 0.0]),
+            self.least_squares([0, 1, 2]),
+            one.map(|b| [b, PUSH * b, 0.0]),
+            one.map(|b| [b, -PUSH * b, 0.0]),
         ]
     }
 }

@@ -1,0 +1,208 @@
+//! The camera that a user names: TOML, KITTI calibration, or a data set.
+//!
+//! TOML is read here and not in the library, which knows no configuration format.
+
+use std::path::Path;
+
+use partpose::dataset::{Dataset, KittiCalibration};
+use partpose::files::{self, MAX_IMAGE_SIDE};
+use partpose::geometry::Camera;
+
+use crate::report;
+
+const REMEDY: &str = "a camera file is TOML with `width`, `height`, `fx`, `fy`, `cx` and `cy` in pixels, \
+                      a KITTI calibration, or a data set folder";
+
+/// What a camera file may hold; all of it is needed.
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraFile {
+    width: Option<i64>,
+    height: Option<i64>,
+    fx: Option<f64>,
+    fy: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+}
+
+/// The camera of a file or folder: TOML, a KITTI calibration with its image, or the first frame of a data set.
+pub(crate) fn load_camera(path: &Path) -> anyhow::Result<Camera> {
+    if path.is_dir() {
+        return from_dataset(path);
+    }
+    let text = files::read_text(path)?;
+    // `P0: ...` to `P3: ...`, or `P_rect_02: ...` in the raw recordings.
+    let is_matrix = |line: &str| {
+        line.starts_with('P') && line.split_once(':').is_some_and(|(name, _)| name.len() <= 9)
+    };
+    let is_calibration = text.lines().any(is_matrix);
+    let camera =
+        if is_calibration { from_calibration(path, &text) } else { from_toml(path, &text) };
+    camera.map_err(|error| report::hint(error, REMEDY))
+}
+
+fn from_dataset(path: &Path) -> anyhow::Result<Camera> {
+    let dataset = Dataset::open(path)?;
+    for id in dataset.sequences() {
+        if let Some(frame) = dataset.frames(id)?.first() {
+            return Ok(frame.camera);
+        }
+    }
+    anyhow::bail!("`{}` has no frame that could be read", path.display())
+}
+
+/// A calibration has no image size; that of the image with the same name in `image_2` is taken.
+fn from_calibration(path: &Path, text: &str) -> anyhow::Result<Camera> {
+    let calibration = KittiCalibration::parse(path, text)?;
+    let folder = path.parent().and_then(Path::parent).unwrap_or(Path::new(".."));
+    let images = folder.join("image_2");
+    let stem = path.file_stem().unwrap_or_default();
+    let image = ["png", "jpg"]
+        .map(|ending| images.join(stem).with_extension(ending))
+        .into_iter()
+        .find(|image| image.is_file());
+    match image {
+        Some(image) => Ok(calibration.camera(files::image_size(&image)?)),
+        None => anyhow::bail!(
+            "`{}` has no image size, and there is no image `{}`",
+            path.display(),
+            images.join(stem).with_extension("png").display()
+        ),
+    }
+}
+
+fn from_toml(path: &Path, text: &str) -> anyhow::Result<Camera> {
+    let file: CameraFile = toml::from_str(text).map_err(|error| {
+        let line = error
+            .span()
+            .map_or(1, |span| 1 + text.get(..span.start).unwrap_or(text).matches('\n').count());
+        let what = error.message().lines().next().unwrap_or_default().to_owned();
+        anyhow::anyhow!("`{}` line {line}: {what}", path.display())
+    })?;
+    let missing = |name: &str| anyhow::anyhow!("`{}` has no `{name}`", path.display());
+    let bad = |name: &str, value: &dyn std::fmt::Display, needed: &str| {
+        anyhow::anyhow!("`{name}` in `{}` is {value}, but must be {needed}", path.display())
+    };
+    let side = |name: &str, value: Option<i64>| {
+        let value = value.ok_or_else(|| missing(name))?;
+        let side = u32::try_from(value).ok().filter(|side| (1..=MAX_IMAGE_SIDE).contains(side));
+        side.ok_or_else(|| bad(name, &value, &format!("1 to {MAX_IMAGE_SIDE} pixels")))
+    };
+    let focal = |name: &str, value: Option<f64>| match value.ok_or_else(|| missing(name))? {
+        value if value.is_finite() && value > 0.0 => Ok(value),
+        value => Err(bad(name, &value, "a focal length above 0 pixels")),
+    };
+    let center = |name: &str, value: Option<f64>| match value.ok_or_else(|| missing(name))? {
+        value if value.is_finite() => Ok(value),
+        value => Err(bad(name, &value, "a finite number of pixels")),
+    };
+    Ok(Camera {
+        focal: [focal("fx", file.fx)?, focal("fy", file.fy)?],
+        principal_point: [center("cx", file.cx)?, center("cy", file.cy)?],
+        size: [side("width", file.width)?, side("height", file.height)?],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use expect_test::{Expect, expect};
+    use partpose::files::{RgbImage, write, write_png};
+
+    const GOOD: &str = "width = 1242\nheight = 375\nfx = 725\nfy = 725.5\ncx = 620.5\ncy = 187\n";
+    const P2: &str = "P2: 700 0 600 35 0 710 180 0.7 0 0 1 0.001\n";
+
+    fn check(text: &str, message: &Expect) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("calib/camera.toml");
+        write(&path, text.as_bytes()).unwrap();
+        let error = load_camera(&path).unwrap_err();
+        let text = format!("{error:#}").replace(&path.display().to_string(), "camera.toml");
+        message.assert_eq(&text.replace(&folder.path().display().to_string(), "."));
+    }
+
+    #[test]
+    fn toml_with_all_six_numbers_is_a_camera() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("camera.toml");
+        write(&path, GOOD.as_bytes()).unwrap();
+        let camera = load_camera(&path).unwrap();
+        let expected =
+            Camera { focal: [725.0, 725.5], principal_point: [620.5, 187.0], size: [1242, 375] };
+        assert_eq!(camera, expected);
+    }
+
+    #[test]
+    fn a_camera_without_focal_length_is_refused_by_name() {
+        check("", &expect!["`camera.toml` has no `fx`"]);
+        let zero = GOOD.replace("fx = 725", "fx = 0");
+        check(
+            &zero,
+            &expect!["`fx` in `camera.toml` is 0, but must be a focal length above 0 pixels"],
+        );
+        let nan = GOOD.replace("fy = 725.5", "fy = nan");
+        check(
+            &nan,
+            &expect!["`fy` in `camera.toml` is NaN, but must be a focal length above 0 pixels"],
+        );
+        check(
+            &GOOD.replace("fx", "focal"),
+            &expect![
+                "`camera.toml` line 3: unknown field `focal`, expected one of `width`, `height`, `fx`, `fy`, `cx`, `cy`"
+            ],
+        );
+        check(
+            &GOOD.replace("fy = 725.5", "fy = \"a\""),
+            &expect![[r#"`camera.toml` line 4: invalid type: string "a", expected f64"#]],
+        );
+        check(
+            &GOOD.replace("1242", "0"),
+            &expect!["`width` in `camera.toml` is 0, but must be 1 to 16384 pixels"],
+        );
+        check(
+            &GOOD.replace("1242", "99999999999"),
+            &expect!["`width` in `camera.toml` is 99999999999, but must be 1 to 16384 pixels"],
+        );
+        check(
+            &GOOD.replace("cx = 620.5", "cx = inf"),
+            &expect!["`cx` in `camera.toml` is inf, but must be a finite number of pixels"],
+        );
+        check(
+            "width = ",
+            &expect!["`camera.toml` line 1: string values must be quoted, expected literal string"],
+        );
+    }
+
+    #[test]
+    fn a_calibration_takes_its_size_from_the_image() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("calib/000003.txt");
+        write(&path, P2.as_bytes()).unwrap();
+        let image = RgbImage { size: [8, 4], pixels: vec![0; 96] };
+        write_png(&folder.path().join("image_2/000003.png"), &image).unwrap();
+        let camera = load_camera(&path).unwrap();
+        assert_eq!((camera.focal, camera.size), ([700.0, 710.0], [8, 4]));
+    }
+
+    #[test]
+    fn a_calibration_without_image_or_matrix_says_what_it_lacks() {
+        check(
+            P2,
+            &expect![
+                "`camera.toml` has no image size, and there is no image `./image_2/camera.png`"
+            ],
+        );
+        check("P0: 1 2 3\n", &expect!["`camera.toml`: there is no row `P2:`"]);
+    }
+
+    #[test]
+    fn a_data_set_lends_the_camera_of_its_first_frame() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        let row = "0 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n";
+        write(&root.join("vkitti_1.3.1_extrinsicsgt/0001_clone.txt"), row.as_bytes()).unwrap();
+        write(&root.join("vkitti_1.3.1_motgt/0001_clone.txt"), b"frame\n").unwrap();
+        let camera = load_camera(root).unwrap();
+        assert_eq!(camera, Camera::pinhole(725.0, [620.5, 187.0], [1242, 375]));
+    }
+}

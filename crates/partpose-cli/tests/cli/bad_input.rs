@@ -1,0 +1,126 @@
+//! What is wrong with an input is said with its file and a remedy, ends with 2, and leaves nothing half-written.
+
+use std::fs;
+use std::path::Path;
+
+use crate::run;
+
+/// A folder with a camera, a zoo and detections that `fit` accepts.
+fn good() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), &["demo", "--out", ".", "--scenes", "1"]);
+    folder
+}
+
+fn fit(folder: &Path) -> String {
+    let arguments = [
+        "fit",
+        "--detections",
+        "detections.safetensors",
+        "--camera",
+        "camera.toml",
+        "--zoo",
+        "zoo",
+        "--out",
+        "out",
+    ];
+    run(folder, &arguments)
+}
+
+/// `fit` must end with 2, name the file, give a hint, and write nothing.
+fn refuses(folder: &Path, file: &str) {
+    let said = fit(folder);
+    assert!(said.ends_with("--- exit 2\n"), "{said}");
+    assert!(said.contains("error:") && said.contains(file), "{said}");
+    assert!(said.contains("hint:"), "{said}");
+    assert!(!folder.join("out").exists(), "something was written: {said}");
+}
+
+#[test]
+fn camera_without_focal_length_is_refused() {
+    let folder = good();
+    for text in [
+        "width = 10\nheight = 10\ncx = 1\ncy = 1\n",
+        "width = 10\nheight = 10\nfx = 0\nfy = 1\ncx = 1\ncy = 1\n",
+    ] {
+        fs::write(folder.path().join("camera.toml"), text).unwrap();
+        refuses(folder.path(), "camera.toml");
+    }
+}
+
+#[test]
+fn empty_zoo_is_refused() {
+    let folder = good();
+    fs::remove_dir_all(folder.path().join("zoo")).unwrap();
+    fs::create_dir(folder.path().join("zoo")).unwrap();
+    refuses(folder.path(), "zoo");
+}
+
+#[test]
+fn model_that_is_cut_off_is_refused() {
+    let folder = good();
+    let path = folder.path().join("zoo/sedan.glb");
+    let bytes = fs::read(&path).unwrap();
+    fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    refuses(folder.path(), "sedan.glb");
+}
+
+#[test]
+fn detections_that_are_cut_off_or_something_else_are_refused() {
+    let folder = good();
+    let path = folder.path().join("detections.safetensors");
+    let bytes = fs::read(&path).unwrap();
+    for broken in [&bytes[..bytes.len() / 2], &bytes[..5], b"{}".as_slice()] {
+        fs::write(&path, broken).unwrap();
+        refuses(folder.path(), "detections.safetensors");
+    }
+    fs::remove_file(&path).unwrap();
+    refuses(folder.path(), "detections.safetensors");
+}
+
+#[test]
+fn evaluation_without_a_data_set_is_refused() {
+    let folder = good();
+    let evaluate = |dataset: &str| {
+        let arguments =
+            ["evaluate", "poses", "--dataset", dataset, "--zoo", "zoo", "--oracle", "--out", "out"];
+        run(folder.path(), &arguments)
+    };
+    for dataset in ["nowhere", "zoo"] {
+        let said = evaluate(dataset);
+        assert!(said.contains("error:") && said.contains(dataset), "{said}");
+        assert!(said.ends_with("--- exit 2\n"), "{said}");
+        assert!(!folder.path().join("out").exists());
+    }
+}
+
+#[test]
+fn one_bad_frame_is_reported_and_the_rest_is_done() {
+    let folder = good();
+    let root = folder.path().join("vkitti");
+    let write = |path: &str, text: &[u8]| {
+        let path = root.join(path);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, text).unwrap();
+    };
+    // Two frames with a car; the second frame's mask is cut off.
+    let header = "frame tid label truncated occluded alpha l t r b w3d h3d l3d x3d y3d z3d ry rx rz truncr occupr \
+                  orig_label moving model color\n";
+    let row = |frame: u32| {
+        format!(
+            "{frame} 3 Car 0 0 -1.6 560 170 690 260 1.8 1.5 4.5 0.2 1.6 15 -1.6 0 0 0 0.9 Car 1 sedan Red\n"
+        )
+    };
+    write("vkitti_1.3.1_motgt/0001_clone.txt", format!("{header}{}{}", row(0), row(1)).as_bytes());
+    let black = vec![0; 1242 * 375 * 3];
+    let image = partpose::files::RgbImage { size: [1242, 375], pixels: black };
+    let png = partpose::files::encode_png(&image);
+    write("parts/0001/clone/00000.png", &png);
+    write("parts/0001/clone/00001.png", &png[..png.len() / 2]);
+    let arguments =
+        ["evaluate", "poses", "--dataset", "vkitti", "--zoo", "zoo", "--oracle", "--out", "out"];
+    let said = run(folder.path(), &arguments);
+    assert!(said.contains("0001/clone/00001") && said.ends_with("--- exit 1\n"), "{said}");
+    let metrics = fs::read_to_string(folder.path().join("out/metrics.json")).unwrap();
+    assert!(metrics.contains("\"skipped_frames\": 1"), "{metrics}");
+}
