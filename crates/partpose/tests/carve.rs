@@ -67,7 +67,7 @@ fn frames(folder: &Path) -> Vec<Frame> {
         let extent = Extent::new(EXTENT.width * size, EXTENT.height, EXTENT.length / size);
         for view in 0..VIEWS_PER_TRACK {
             let index = track * VIEWS_PER_TRACK + view;
-            let yaw = 0.5236 * f64::from(view) + 0.07 * f64::from(track);
+            let yaw = std::f64::consts::FRAC_PI_6 * f64::from(view) + 0.07 * f64::from(track);
             let distance = 7.0 + 0.37 * f64::from(index % 11);
             let camera_from_vehicle = Pose::from_parts(
                 Translation3::new(0.3 * f64::from(view % 3) - 0.3, 1.5, distance),
@@ -83,7 +83,8 @@ fn frames(folder: &Path) -> Vec<Frame> {
             }
             let path = folder.join(format!("{index:05}.png"));
             let mask = PartMask { origin: [0, 0], size: CAMERA.size, labels };
-            write_png(&path, &RgbImage { size: CAMERA.size, pixels: mask.to_rgb() }).unwrap();
+            write_png(&path, &RgbImage { size: CAMERA.size, pixels: mask.to_rgb() })
+                .expect("the folder is there");
             let mut frame = Frame::new(sequence.clone(), index, CAMERA);
             frame.parts = Some(path);
             frame.vehicles = vec![VehicleLabel {
@@ -94,7 +95,7 @@ fn frames(folder: &Path) -> Vec<Frame> {
                 occluded: 0,
                 truncation: 0.0,
                 occupancy: None,
-                bounds: cuboid.project(&CAMERA).unwrap(),
+                bounds: cuboid.project(&CAMERA).expect("it stands in front"),
                 cuboid,
                 model: Some("BoxSedan".to_owned()),
                 color: None,
@@ -107,7 +108,7 @@ fn frames(folder: &Path) -> Vec<Frame> {
 
 fn carve(frames: &[Frame]) -> Carved {
     let left_out = |_: &SequenceId, track: u32| track >= 6;
-    carve_models(frames, None, &left_out, &options(), &mut |_| {}).unwrap()
+    carve_models(frames, None, &left_out, &options(), &mut |_| {}).expect("there are masks")
 }
 
 #[test]
@@ -176,7 +177,9 @@ fn what_is_missing_is_named() {
     assert!(matches!(&error, CarveError::UnknownModel { name, .. } if name == "Lorry"), "{error}");
     let carved = carve_models(&frames, None, &everything, &options(), &mut quiet).unwrap();
     assert!(matches!(carved.skipped[..], [Skipped::TooFewViews { tracks: 0, .. }]));
-    frames.iter_mut().for_each(|frame| frame.parts = None);
+    for frame in &mut frames {
+        frame.parts = None;
+    }
     let error = carve_models(&frames, None, &nothing, &options(), &mut quiet).unwrap_err();
     assert!(matches!(error, CarveError::NoMasks { .. }), "{error}");
     frames.iter_mut().flat_map(|f| &mut f.vehicles).for_each(|vehicle| vehicle.model = None);

@@ -84,7 +84,7 @@ struct Direction {
 
 impl Direction {
     /// 1 where the voxel is just outside.
-    fn score(&self, least: f32) -> f32 {
+    fn score(self, least: f32) -> f32 {
         if self.all > 0.0 {
             (self.against / self.all / SHARE).min(self.against / least)
         } else {
@@ -185,17 +185,17 @@ fn vote(
         let (du, dv, dz) = (rows[0][0] * dx, rows[1][0] * dx, rows[2][0] * dx);
         for i in 0..grid.size[0] {
             let n = j * grid.size[0] + i;
-            if scores[n] < ENOUGH && z > 0.1 {
-                if let Some(outside) = voter.edge.at(u / z, v / z) {
-                    let pixel =
-                        (v / z).round() as usize * voter.edge.size[0] + (u / z).round() as usize;
-                    if voter.view.labels[pixel] != UNKNOWN {
-                        let vote = (outside - options.tolerance).clamp(0.0, 1.0) * voter.quality;
-                        let tally = &mut tallies[n];
-                        tally.against += vote;
-                        tally.all += voter.quality;
-                        tally.most = tally.most.max(voter.quality);
-                    }
+            if scores[n] < ENOUGH
+                && z > 0.1
+                && let Some(outside) = voter.edge.at(u / z, v / z)
+            {
+                let (x, y) = ((u / z).round() as usize, (v / z).round() as usize);
+                if voter.view.labels[y * voter.edge.size[0] + x] != UNKNOWN {
+                    let vote = (outside - options.tolerance).clamp(0.0, 1.0) * voter.quality;
+                    let tally = &mut tallies[n];
+                    tally.against += vote;
+                    tally.all += voter.quality;
+                    tally.most = tally.most.max(voter.quality);
                 }
             }
             u += du;

@@ -224,7 +224,9 @@ pub(super) fn merge_patches(half: &HalfMesh, labels: &mut [u8], least: f64) {
             }
             let into = best(&borders);
             if size < least && into != 0 {
-                patch.iter().for_each(|n| labels[*n] = into);
+                for n in patch {
+                    labels[n] = into;
+                }
                 changed = true;
             }
         }
