@@ -15,23 +15,25 @@ mod half;
 mod hull;
 mod labels;
 mod occluders;
+mod outcome;
 mod quality;
+mod rows;
 mod simplify;
 mod surface;
 mod view;
 
-use std::collections::BTreeMap;
-
 use rayon::prelude::*;
 
-use crate::dataset::{DatasetError, Frame, SequenceId};
+use crate::dataset::{Frame, SequenceId};
 use crate::geometry::Extent;
-use crate::vehicle::{Mesh, ModelError, VehicleModel};
+use crate::vehicle::{Mesh, VehicleModel};
 
+pub use outcome::{CarveError, Carved, CarvedModel, Progress, Skipped};
 pub use quality::{FILL_SLACK, QualityOptions, SIDES, ViewQuality, measure_quality};
 
 use contour::ContourOptions;
 use hull::{Grid, VoteOptions};
+use rows::{category_of, choose_rows, model_names, read_views};
 use view::View;
 
 /// How models are carved.
@@ -62,125 +64,6 @@ impl Default for CarveOptions {
             max_faces: 10_000,
         }
     }
-}
-
-/// What is being done.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Progress {
-    /// Part masks are read: so many of so many.
-    Reading {
-        /// Masks read.
-        done: usize,
-        /// Masks to read.
-        total: usize,
-    },
-    /// A model is carved.
-    Carving {
-        /// Its name.
-        model: String,
-        /// What is done with it.
-        step: &'static str,
-    },
-}
-
-/// Why nothing could be carved.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum CarveError {
-    /// No row names a mesh.
-    #[error("no vehicle of the chosen frames has a model name")]
-    NoModelNames,
-    /// A model was asked for that no row shows.
-    #[error("no vehicle shows the model `{name}`; there are {known:?}")]
-    UnknownModel {
-        /// What was asked for.
-        name: String,
-        /// The names that occur.
-        known: Vec<String>,
-    },
-    /// No frame has a part mask.
-    #[error("none of the {frames} chosen frames has a part mask")]
-    NoMasks {
-        /// How many frames there are.
-        frames: usize,
-    },
-}
-
-/// Why one model was left out, or one frame.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum Skipped {
-    /// Too few vehicles show it.
-    #[error(
-        "model `{name}`: {tracks} tracks with {views} usable views, but {needed} tracks are needed"
-    )]
-    TooFewViews {
-        /// The model.
-        name: String,
-        /// Tracks that show it.
-        tracks: usize,
-        /// Views of them.
-        views: usize,
-        /// Tracks that are needed.
-        needed: usize,
-    },
-    /// The views leave nothing over.
-    #[error("model `{name}`: the {views} views have no volume in common")]
-    Empty {
-        /// The model.
-        name: String,
-        /// Views of it.
-        views: usize,
-    },
-    /// The carved mesh is no model.
-    #[error("model `{name}`")]
-    Model {
-        /// The model.
-        name: String,
-        /// What is wrong with it.
-        source: ModelError,
-    },
-    /// A mask could not be read.
-    #[error("frame {sequence} {index} is left out")]
-    Frame {
-        /// Its sequence.
-        sequence: SequenceId,
-        /// Its index.
-        index: u32,
-        /// What is wrong with it.
-        source: DatasetError,
-    },
-}
-
-/// A carved model and how it came about.
-#[derive(Clone, Debug)]
-pub struct CarvedModel {
-    /// The model; its extent is the median over the tracks used.
-    pub model: VehicleModel,
-    /// Tracks that were used.
-    pub tracks: usize,
-    /// Views that were used.
-    pub views: usize,
-    /// Mean absolute distance of the outlines before each round of the fit, pixels.
-    pub outline_error: Vec<f64>,
-}
-
-/// What came of it.
-#[derive(Debug, Default)]
-pub struct Carved {
-    /// The models, in the order asked for.
-    pub models: Vec<CarvedModel>,
-    /// What was left out.
-    pub skipped: Vec<Skipped>,
-}
-
-/// A row of a frame, chosen as a view.
-#[derive(Clone, Copy, Debug)]
-struct Row {
-    frame: usize,
-    vehicle: usize,
-    model: usize,
-    track: usize,
 }
 
 /// Carves the models with the given names (all that occur, if `None`) from frames with part masks.
@@ -239,117 +122,6 @@ pub fn carve_models(
     Ok(carved)
 }
 
-fn model_names(frames: &[Frame], asked: Option<&[String]>) -> Result<Vec<String>, CarveError> {
-    let vehicles = frames.iter().flat_map(|frame| &frame.vehicles);
-    let mut known: Vec<String> = vehicles.filter_map(|vehicle| vehicle.model.clone()).collect();
-    known.sort();
-    known.dedup();
-    if known.is_empty() {
-        return Err(CarveError::NoModelNames);
-    }
-    let Some(asked) = asked else { return Ok(known) };
-    match asked.iter().find(|name| !known.contains(name)) {
-        Some(name) => Err(CarveError::UnknownModel { name: name.clone(), known }),
-        None => Ok(asked.to_vec()),
-    }
-}
-
-/// The category of the first vehicle that shows a model.
-fn category_of(frames: &[Frame], name: &str) -> String {
-    let mut vehicles = frames.iter().flat_map(|frame| &frame.vehicles);
-    let shown = vehicles.find(|vehicle| vehicle.model.as_deref() == Some(name));
-    shown.map_or_else(String::new, |vehicle| vehicle.category.clone())
-}
-
-/// The rows to use, sorted by model, track and frame.
-fn choose_rows(
-    frames: &[Frame],
-    names: &[String],
-    leave_out: &dyn Fn(&SequenceId, u32) -> bool,
-    options: &CarveOptions,
-) -> Vec<Row> {
-    let mut tracks: BTreeMap<(usize, String, u32, usize), Vec<(usize, usize)>> = BTreeMap::new();
-    for (f, frame) in frames.iter().enumerate().filter(|(_, frame)| frame.parts.is_some()) {
-        for (v, vehicle) in frame.vehicles.iter().enumerate() {
-            let model = names.iter().position(|name| Some(name) == vehicle.model.as_ref());
-            let Some(model) = model else { continue };
-            let small = vehicle.bounds.height() < options.min_height;
-            if small || vehicle.truncation > options.max_truncation {
-                continue;
-            }
-            // A row without a track id is a vehicle of its own.
-            let (track, alone) = vehicle.track.map_or((0, f * 65_536 + v + 1), |track| (track, 0));
-            if vehicle.track.is_some_and(|track| leave_out(&frame.sequence, track)) {
-                continue;
-            }
-            tracks
-                .entry((model, frame.sequence.world.clone(), track, alone))
-                .or_default()
-                .push((f, v));
-        }
-    }
-    let mut rows = Vec::new();
-    for (track, ((model, ..), list)) in tracks.into_iter().enumerate() {
-        let count = list.len().min(options.views_per_track.max(1));
-        for n in 0..count {
-            // The last row is the nearest one of a parked car, so it is always taken.
-            let (frame, vehicle) = list[(n + 1) * list.len() / count - 1];
-            rows.push(Row { frame, vehicle, model, track });
-        }
-    }
-    rows
-}
-
-/// The views of every model, sorted by track.
-fn read_views(
-    frames: &[Frame],
-    rows: &[Row],
-    names: &[String],
-    skipped: &mut Vec<Skipped>,
-    observer: &mut dyn FnMut(Progress),
-) -> Vec<Vec<View>> {
-    const BATCH: usize = 32;
-    let mut by_frame: BTreeMap<usize, Vec<Row>> = BTreeMap::new();
-    for row in rows {
-        by_frame.entry(row.frame).or_default().push(*row);
-    }
-    let jobs: Vec<(usize, Vec<Row>)> = by_frame.into_iter().collect();
-    let mut views: Vec<Vec<View>> = vec![Vec::new(); names.len()];
-    let mut done = 0;
-    for batch in jobs.chunks(BATCH) {
-        let read: Vec<Result<Vec<(usize, View)>, Skipped>> = batch
-            .par_iter()
-            .map(|(f, rows)| {
-                let frame = &frames[*f];
-                let mask = frame.read_parts().map_err(|source| Skipped::Frame {
-                    sequence: frame.sequence.clone(),
-                    index: frame.index,
-                    source,
-                })?;
-                let made = rows.iter().filter_map(|row| {
-                    let mut view = view::view_of_row(frame, &mask, row.vehicle)?;
-                    view.track = row.track;
-                    Some((row.model, view))
-                });
-                Ok(made.collect())
-            })
-            .collect();
-        for result in read {
-            match result {
-                Ok(made) => made.into_iter().for_each(|(model, view)| views[model].push(view)),
-                Err(error) => skipped.push(error),
-            }
-        }
-        done += batch.len();
-        observer(Progress::Reading { done, total: jobs.len() });
-    }
-    for list in &mut views {
-        // Stable, so frames stay in order.
-        list.sort_by_key(|view| view.track);
-    }
-    views
-}
-
 /// A shape without labels.
 struct Shape {
     half: half::HalfMesh,
@@ -367,6 +139,12 @@ fn median_extent(views: &[View]) -> Extent {
     };
     Extent::new(median(|e| e.width), median(|e| e.height), median(|e| e.length))
 }
+
+/// Beyond the cuboid that voxels reach, shares of width, height and length: mirrors stick out of it.
+const MARGIN: [f64; 3] = [0.14, 0.02, 0.02];
+
+/// Least area of a patch of one part, square metres.
+const LEAST_PATCH: f64 = 0.004;
 
 /// Longest edge of a face that is labelled, metres.
 const LABEL_EDGE: f64 = 0.03;
@@ -427,9 +205,10 @@ fn hull_surface(
     least: f32,
 ) -> Option<half::HalfMesh> {
     let voxels = options.voxels.map(|n| n.div_ceil(coarseness));
-    let grid = Grid::over(extent, voxels, [0.08, 0.04, 0.04]);
+    let grid = Grid::over(extent, voxels, MARGIN);
     let vote = VoteOptions { tolerance: 0.3, full_height: 60.0, least };
-    let scores = hull::votes(&grid, extent, views, &vote);
+    let mut scores = hull::votes(&grid, extent, views, &vote);
+    hull::cut_sides(&grid, extent, views, &mut scores);
     let mut field: Vec<f32> = scores.iter().map(|score| 1.0 - 0.5 * score.min(2.0)).collect();
     surface::keep_largest(&grid, &mut field, 0.5);
     surface::blur(&grid, &mut field, 1);
@@ -500,7 +279,7 @@ fn finish(
         rounds: 10,
         reach: 0.08,
         stiffness: 1.0,
-        membrane_rounds: 6,
+        membrane_rounds: 40,
         membrane_weight: 2.0,
         unit_resolution: 40.0,
     };
@@ -508,7 +287,8 @@ fn finish(
     tell("labels");
     let half = simplify::refine(&half, LABEL_EDGE);
     let votes = labels::votes(&half, &usable, &extent);
-    let labels = labels::labels(&half, &votes, 10, 0.6);
+    let mut labels = labels::labels(&half, &votes, 20, 1.0);
+    labels::merge_patches(&half, &mut labels, LEAST_PATCH);
     tell("simplify");
     let (half, labels) = simplify::simplify(&half, &labels, options.max_faces / 2);
     let mesh = half.mirrored(&labels);

@@ -117,12 +117,12 @@ mod tests {
         let size = [9, 7];
         let set: Vec<bool> = (0..63).map(|i| (i * 7919) % 11 == 3).collect();
         let found = distances(&set, size, true);
-        for i in 0..63usize {
+        for (i, found) in found.iter().enumerate() {
             let nearest = (0..63usize).filter(|j| set[*j]).map(|j| {
                 let d = ((i % 9) as f32 - (j % 9) as f32, (i / 9) as f32 - (j / 9) as f32);
                 d.0.hypot(d.1)
             });
-            assert!((nearest.fold(FAR, f32::min) - found[i]).abs() < 1e-4);
+            assert!((nearest.fold(FAR, f32::min) - found).abs() < 1e-4);
         }
     }
 }

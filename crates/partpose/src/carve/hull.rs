@@ -10,6 +10,7 @@
 use rayon::prelude::*;
 
 use crate::geometry::{Extent, Point3};
+use crate::parts::PartClass;
 
 use super::distance::EdgeDistance;
 use super::view::{AMBIGUOUS, UNKNOWN, View};
@@ -83,7 +84,7 @@ struct Direction {
 
 impl Direction {
     /// 1 where the voxel is just outside.
-    fn score(&self, least: f32) -> f32 {
+    fn score(self, least: f32) -> f32 {
         if self.all > 0.0 {
             (self.against / self.all / SHARE).min(self.against / least)
         } else {
@@ -184,17 +185,17 @@ fn vote(
         let (du, dv, dz) = (rows[0][0] * dx, rows[1][0] * dx, rows[2][0] * dx);
         for i in 0..grid.size[0] {
             let n = j * grid.size[0] + i;
-            if scores[n] < ENOUGH && z > 0.1 {
-                if let Some(outside) = voter.edge.at(u / z, v / z) {
-                    let pixel =
-                        (v / z).round() as usize * voter.edge.size[0] + (u / z).round() as usize;
-                    if voter.view.labels[pixel] != UNKNOWN {
-                        let vote = (outside - options.tolerance).clamp(0.0, 1.0) * voter.quality;
-                        let tally = &mut tallies[n];
-                        tally.against += vote;
-                        tally.all += voter.quality;
-                        tally.most = tally.most.max(voter.quality);
-                    }
+            if scores[n] < ENOUGH
+                && z > 0.1
+                && let Some(outside) = voter.edge.at(u / z, v / z)
+            {
+                let (x, y) = ((u / z).round() as usize, (v / z).round() as usize);
+                if voter.view.labels[y * voter.edge.size[0] + x] != UNKNOWN {
+                    let vote = (outside - options.tolerance).clamp(0.0, 1.0) * voter.quality;
+                    let tally = &mut tallies[n];
+                    tally.against += vote;
+                    tally.all += voter.quality;
+                    tally.most = tally.most.max(voter.quality);
                 }
             }
             u += du;
@@ -203,6 +204,56 @@ fn vote(
         }
     }
 }
+
+/// Marks voxels beyond the cuboid's side as outside (score [`ENOUGH`]) unless the views from that side see a mirror there.
+///
+/// Cuboids leave mirrors out. Behind a mirror, seen from ahead, the hull would keep all that the mirror hides, along the
+/// whole vehicle, because hardly any view looks along its side.
+pub(super) fn cut_sides(grid: &Grid, extent: &Extent, views: &[&View], scores: &mut [f32]) {
+    let first = (0..grid.size[0]).find(|i| grid.center(*i, 0, 0).x > SIDE * extent.width);
+    let Some(first) = first else { return };
+    let looks: Vec<(f32, &View, [[f32; 4]; 3])> = views
+        .iter()
+        .map(|view| (if view.azimuth() > 0.0 { 1.0 } else { -1.0 }, *view, view.projection(extent)))
+        .collect();
+    let layer = grid.size[0] * grid.size[1];
+    scores.par_chunks_mut(layer).enumerate().for_each(|(k, scores)| {
+        for j in 0..grid.size[1] {
+            for i in first..grid.size[0] {
+                let score = &mut scores[j * grid.size[0] + i];
+                if *score >= 1.0 {
+                    continue;
+                }
+                let p = grid.center(i, j, k).cast::<f32>();
+                let (mut mirror, mut other) = (0.0f32, 0.0f32);
+                for (side, view, rows) in &looks {
+                    let at = |r: &[f32; 4]| r[0] * side * p.x + r[1] * p.y + r[2] * p.z + r[3];
+                    let z = at(&rows[2]);
+                    let (u, v) = ((at(&rows[0]) / z).round(), (at(&rows[1]) / z).round());
+                    let size = view.size();
+                    if u < 0.0 || v < 0.0 || u as usize >= size[0] || v as usize >= size[1] {
+                        continue;
+                    }
+                    match PartClass::from_id(part_of(
+                        view.labels[v as usize * size[0] + u as usize],
+                    )) {
+                        None => {}
+                        Some(PartClass::MirrorLeft | PartClass::MirrorRight) => mirror += 1.0,
+                        Some(_) => other += 1.0,
+                    }
+                }
+                if mirror < MIRROR_SHARE * (mirror + other) || mirror == 0.0 {
+                    *score = ENOUGH;
+                }
+            }
+        }
+    });
+}
+
+/// Half of the cuboid's width and a little: what lies beyond can be a mirror only.
+const SIDE: f64 = 0.505;
+/// Share of the views that must see a mirror where one is.
+const MIRROR_SHARE: f32 = 0.3;
 
 /// Whether a pixel's label shows a part, be it of another vehicle behind.
 pub(super) fn is_part(label: u8) -> bool {

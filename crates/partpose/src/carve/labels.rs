@@ -8,7 +8,7 @@
 use rayon::prelude::*;
 
 use crate::geometry::Extent;
-use crate::parts::PartClass;
+use crate::parts::{PartClass, PartGroup};
 
 use super::distance::EdgeDistance;
 use super::half::{HalfMesh, edges};
@@ -23,6 +23,11 @@ const DEPTH_TOLERANCE: f32 = 0.04;
 const OUTLINE_MARGIN: f32 = 0.75;
 /// The same where a farther vehicle is known to stand behind.
 const AMBIGUOUS_MARGIN: f32 = 2.5;
+
+/// Sum of votes below which a face counts as unseen: half a view of a box about 60 pixels high.
+const LEAST_VOTES: f32 = 0.5;
+/// Faces over which small parts spread to what was not seen.
+const NEAR: usize = 2;
 
 /// Votes for the 29 parts, a face of the half each.
 pub(super) type Votes = Vec<[f32; PartClass::COUNT + 1]>;
@@ -103,14 +108,16 @@ fn is_left(class: PartClass) -> bool {
 pub(super) fn labels(half: &HalfMesh, votes: &Votes, rounds: usize, smoothness: f32) -> Vec<u8> {
     let adjacency = adjacency(half);
     let totals: Vec<f32> = votes.iter().map(|v| v.iter().sum()).collect();
-    let mut labels: Vec<u8> = votes.iter().map(best).collect();
+    let enough = |total: f32| total >= LEAST_VOTES;
+    let sure = votes.iter().zip(&totals).map(|(v, total)| if enough(*total) { best(v) } else { 0 });
+    let mut labels: Vec<u8> = sure.collect();
     spread(&mut labels, &adjacency);
     for _ in 0..rounds {
         let last = labels.clone();
         let mut changed = false;
         for n in 0..labels.len() {
             let mut score = [0.0f32; PartClass::COUNT + 1];
-            if totals[n] > 0.0 {
+            if enough(totals[n]) {
                 score.iter_mut().zip(&votes[n]).for_each(|(s, v)| *s = v / totals[n]);
             }
             let border: f32 = adjacency[n].iter().map(|a| a.1).sum();
@@ -154,20 +161,77 @@ pub(super) fn adjacency(half: &HalfMesh) -> Vec<Vec<(u32, f32)>> {
     near
 }
 
-/// Gives every face without a label that of the nearest face with one, counted in faces.
+/// Gives faces without a label that of the nearest face with one, counted in faces. Small parts (lights, wheels, glass)
+/// spread over [`NEAR`] faces only: what no view sees, the underside above all, is apron or side.
 fn spread(labels: &mut [u8], adjacency: &[Vec<(u32, f32)>]) {
-    let mut front: Vec<usize> = (0..labels.len()).filter(|n| labels[*n] != 0).collect();
-    while !front.is_empty() {
-        let mut next = Vec::new();
-        for n in front {
-            for (other, _) in &adjacency[n] {
-                let other = *other as usize;
-                if labels[other] == 0 {
-                    labels[other] = labels[n];
-                    next.push(other);
+    let wide = |label: u8| {
+        PartClass::from_id(label).is_some_and(|class| class.group() == PartGroup::Blacklist)
+    };
+    for (rounds, may_spread) in
+        [(NEAR, (|_| true) as fn(u8) -> bool), (usize::MAX, wide), (usize::MAX, |_| true)]
+    {
+        let mut front: Vec<usize> =
+            (0..labels.len()).filter(|n| labels[*n] != 0 && may_spread(labels[*n])).collect();
+        for _ in 0..rounds {
+            let mut next = Vec::new();
+            for n in front {
+                for (other, _) in &adjacency[n] {
+                    let other = *other as usize;
+                    if labels[other] == 0 {
+                        labels[other] = labels[n];
+                        next.push(other);
+                    }
                 }
             }
+            if next.is_empty() {
+                break;
+            }
+            front = next;
         }
-        front = next;
+    }
+}
+
+/// Merges patches smaller than `least` square metres into the neighbour they share the longest border with.
+pub(super) fn merge_patches(half: &HalfMesh, labels: &mut [u8], least: f64) {
+    let adjacency = adjacency(half);
+    let area = |n: usize| {
+        let [a, b, c] = half.faces[n].map(|v| half.vertices[v as usize]);
+        0.5 * (b - a).cross(&(c - a)).norm()
+    };
+    for _ in 0..4 {
+        let mut seen = vec![false; labels.len()];
+        let mut changed = false;
+        for seed in 0..labels.len() {
+            if seen[seed] {
+                continue;
+            }
+            seen[seed] = true;
+            let (mut patch, mut at, mut size) = (vec![seed], 0, 0.0);
+            let mut borders = [0.0f32; PartClass::COUNT + 1];
+            while at < patch.len() {
+                let n = patch[at];
+                at += 1;
+                size += area(n);
+                for (other, length) in &adjacency[n] {
+                    let other = *other as usize;
+                    if labels[other] != labels[seed] {
+                        borders[usize::from(labels[other])] += length;
+                    } else if !seen[other] {
+                        seen[other] = true;
+                        patch.push(other);
+                    }
+                }
+            }
+            let into = best(&borders);
+            if size < least && into != 0 {
+                for n in patch {
+                    labels[n] = into;
+                }
+                changed = true;
+            }
+        }
+        if !changed {
+            break;
+        }
     }
 }

@@ -1,7 +1,8 @@
 //! How well models agree with masks that were not used to make them.
 //!
 //! A view counts as free of occluders by criteria that know nothing of the model: its box is not truncated, no nearer
-//! vehicle's cuboid overlaps its own, and its part pixels fill the cuboid's projection about as well (within
+//! vehicle's cuboid overlaps its own, no farther one's covers much of it, the rows of the mask's upper part have no
+//! gaps, and its part pixels fill the cuboid's projection about as well (within
 //! [`FILL_SLACK`]) as those of the better views of the same mesh from the same direction. Pixels that another vehicle
 //! may have drawn are left out.
 
@@ -26,6 +27,12 @@ const DIRECTIONS: f64 = 9.0;
 const USUAL: f64 = 0.7;
 /// Share of the cuboid's projection that nearer vehicles may hide.
 const MAX_HIDDEN: f64 = 0.02;
+/// Share of it where farther vehicles may have drawn, so that the outline cannot be told.
+const MAX_AMBIGUOUS: f64 = 0.35;
+/// Upper share of a mask in which rows have no gaps.
+const UPPER: f64 = 0.7;
+/// Share of the part pixels that gaps in rows may amount to.
+const MAX_GAPS: f64 = 0.02;
 /// Offsets beyond this share of the box height are no offsets of the same outline.
 const REACH: f64 = 0.15;
 
@@ -154,14 +161,40 @@ fn free_views<'a>(
 ) -> Vec<Candidate<'a>> {
     let views = rows.iter().filter_map(|(row, model)| {
         let view = view_of_row(frame, mask, *row)?;
-        (view.known >= 1.0 - MAX_HIDDEN).then_some(Candidate {
-            frame,
-            row: *row,
-            model: *model,
-            view,
-        })
+        let free = view.known >= 1.0 - MAX_HIDDEN
+            && ambiguous(&view) <= MAX_AMBIGUOUS
+            && gaps(&view) <= MAX_GAPS;
+        free.then_some(Candidate { frame, row: *row, model: *model, view })
     });
     views.collect()
+}
+
+/// Share of the cuboid's projection where a farther vehicle may have drawn.
+fn ambiguous(view: &View) -> f64 {
+    let inside = view.labels.iter().zip(&view.inside_cuboid).filter(|(_, inside)| **inside);
+    let (all, unsure) = inside.fold((0.0, 0.0), |(all, unsure), (label, _)| {
+        let ambiguous = *label != UNKNOWN && *label & AMBIGUOUS != 0;
+        (all + 1.0, unsure + f64::from(u8::from(ambiguous)))
+    });
+    unsure / f64::max(all, 1.0)
+}
+
+/// Background between part pixels of one row, in the upper part of the mask where a vehicle has no gaps but those
+/// beside its mirrors, over all part pixels.
+fn gaps(view: &View) -> f64 {
+    let [width, height] = view.size();
+    let is_own = |n: &usize| view.inside_cuboid[*n] && part_of(view.labels[*n]) != 0;
+    let rows: Vec<Vec<usize>> =
+        (0..height).map(|y| (y * width..(y + 1) * width).filter(is_own).collect()).collect();
+    let filled: Vec<usize> = (0..height).filter(|y| !rows[*y].is_empty()).collect();
+    let (Some(top), Some(bottom)) = (filled.first(), filled.last()) else { return 1.0 };
+    let upper = top + ((bottom - top) as f64 * UPPER) as usize;
+    let parts: usize = rows.iter().map(Vec::len).sum();
+    let gaps: usize = rows[*top..=upper]
+        .iter()
+        .filter_map(|row| Some(row.last()? + 1 - row.first()? - row.len()))
+        .sum();
+    gaps as f64 / parts as f64
 }
 
 fn judge(candidate: &Candidate, models: &[VehicleModel], edges: &[MeshEdges]) -> ViewQuality {

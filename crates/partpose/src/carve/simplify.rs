@@ -334,7 +334,7 @@ pub(super) fn refine(half: &HalfMesh, longest: f64) -> HalfMesh {
                 [None, Some(m), Some(n)] => faces.extend([[m, c, n], [b, m, n], [b, n, a]]),
                 [Some(n), None, Some(m)] => faces.extend([[m, a, n], [c, m, n], [c, n, b]]),
                 [Some(m), Some(n), Some(o)] => {
-                    faces.extend([[a, m, o], [m, b, n], [o, n, c], [m, n, o]])
+                    faces.extend([[a, m, o], [m, b, n], [o, n, c], [m, n, o]]);
                 }
             }
         }

@@ -11,11 +11,11 @@ use super::half::HalfMesh;
 use super::hull::Grid;
 
 /// Blurs a field with the kernel (1, 2, 1) / 4 along each axis, mirrored at x = 0, zero beyond the grid.
-pub(super) fn blur(grid: &Grid, field: &mut Vec<f32>, rounds: usize) {
+pub(super) fn blur(grid: &Grid, field: &mut [f32], rounds: usize) {
     let [nx, ny, nz] = grid.size;
     for _ in 0..rounds {
         for axis in 0..3 {
-            let source = field.clone();
+            let source = field.to_vec();
             let at = |i: isize, j: isize, k: isize| {
                 let i = if i < 0 { -1 - i } else { i } as usize;
                 if j < 0 || k < 0 || i >= nx || j as usize >= ny || k as usize >= nz {
@@ -62,22 +62,22 @@ pub(super) fn keep_largest(grid: &Grid, field: &mut [f32], level: f32) {
                 }
             };
             if i > 0 {
-                visit(n - 1)
+                visit(n - 1);
             }
             if i + 1 < nx {
-                visit(n + 1)
+                visit(n + 1);
             }
             if j > 0 {
-                visit(n - nx)
+                visit(n - nx);
             }
             if j + 1 < ny {
-                visit(n + nx)
+                visit(n + nx);
             }
             if k > 0 {
-                visit(n - nx * ny)
+                visit(n - nx * ny);
             }
             if k + 1 < nz {
-                visit(n + nx * ny)
+                visit(n + nx * ny);
             }
         }
         if size > best_size {
@@ -103,7 +103,9 @@ impl Padded {
         let mut values = vec![-level; size.iter().product()];
         for k in 0..grid.size[2] {
             for j in 0..grid.size[1] {
-                for i in 0..=grid.size[0] {
+                // The outermost layer stays empty, so that the surface is closed wherever the set ends.
+                let edge = j == 0 || k == 0 || j + 1 == grid.size[1] || k + 1 == grid.size[2];
+                for i in 0..if edge { 0 } else { grid.size[0] } {
                     // Column 0 mirrors column 1.
                     let value = field[grid.index(i.saturating_sub(1), j, k)] - level;
                     let n = ((k + 1) * size[1] + j + 1) * size[0] + i;

@@ -123,9 +123,9 @@ pub(super) fn view_of_row(frame: &Frame, mask: &PartMask, row: usize) -> Option<
         return None;
     }
     let mut wide = *cuboid;
-    let grown = cuboid.extent.to_vector() * 1.16;
+    let grown = cuboid.extent.to_vector().component_mul(&Vector3::new(1.30, 1.10, 1.06));
     wide.extent = Extent::new(grown.x, grown.y, grown.z);
-    wide.camera_from_vehicle *= nalgebra::Translation3::new(0.0, 0.08 * cuboid.extent.height, 0.0);
+    wide.camera_from_vehicle *= nalgebra::Translation3::new(0.0, 0.05 * cuboid.extent.height, 0.0);
     let rect = wide.project(&frame.camera).or_else(|| cuboid.project(&frame.camera))?;
     let rect = Rect::new(
         rect.x_min - WINDOW_MARGIN,

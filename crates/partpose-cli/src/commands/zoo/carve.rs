@@ -6,6 +6,7 @@ use partpose::carve::{CarveOptions, Progress, QualityOptions, carve_models, meas
 use partpose::dataset::folds::{Fold, Folds};
 use partpose::dataset::{Dataset, Frame, SequenceId};
 use partpose::vehicle::ModelZoo;
+use partpose::viz::{TurntableOptions, turntable};
 
 use super::carve_report;
 use crate::progress;
@@ -106,7 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         table = table + "\n" + &carve_report::write(folder, &zoo.models, &views)?;
         for model in &zoo.models {
             let path = folder.join(format!("{}.png", model.name()));
-            partpose::files::write_png(&path, &turntable(model))?;
+            partpose::files::write_png(&path, &turntable(model, &TurntableOptions::default()))?;
         }
     }
     report::data(&table)?;
@@ -139,85 +140,4 @@ fn read_frames(
         frames.extend(read.frames);
     }
     Ok((sequences, frames, complete))
-}
-
-fn turntable(model: &partpose::vehicle::VehicleModel) -> partpose::files::RgbImage {
-    use partpose::geometry::*;
-    use partpose::render::*;
-    let (w, h) = (480usize, 320usize);
-    let mut pixels = vec![255u8; w * 3 * h * 3 * 3];
-    let e = model.extent();
-    for n in 0..9 {
-        let (yaw, pitch) = match n {
-            0 => (0.0, 0.0),
-            1 => (90.0, 0.0),
-            2 => (180.0, 0.0),
-            3 => (45.0, 15.0),
-            4 => (135.0, 15.0),
-            5 => (20.0, 30.0),
-            6 => (160.0, 30.0),
-            7 => (90.0, 85.0),
-            _ => (90.0, -85.0),
-        };
-        let camera = Camera::pinhole(1600.0, [239.5, 159.5], [w as u32, h as u32]);
-        // camera at azimuth yaw (0 ahead)
-        let (s, c) = f64::to_radians(yaw).sin_cos();
-        let (sp, cp) = f64::to_radians(pitch).sin_cos();
-        let center = Point3::new(0.0, -0.5 * e.height, 0.0);
-        let dist = 17.0;
-        let eye = center + Vector3::new(s * cp, -sp, c * cp) * dist;
-        let up = Vector3::new(0.0, -1.0, 0.0);
-        let camera_from_vehicle = {
-            let z = (center - eye).normalize();
-            let x = -(up.cross(&z)).normalize();
-            let x = if x.norm() < 0.5 { Vector3::x() } else { x };
-            let y = z.cross(&x);
-            let r = nalgebra_rot(x, y, z);
-            Pose::from_parts((-(r * eye.coords)).into(), UnitQ::from_rotation_matrix(&r))
-        };
-        let image = render_labels(
-            &camera,
-            &[Instance {
-                mesh: model.mesh(),
-                scale: Vector3::new(1.0, 1.0, 1.0),
-                camera_from_vehicle,
-                id: 1,
-            }],
-        );
-        for y in 1..h - 1 {
-            for x in 1..w - 1 {
-                let p = y * w + x;
-                let Some(class) = partpose::parts::PartClass::from_id(image.parts[p]) else {
-                    continue;
-                };
-                let d = |q: usize| {
-                    if image.depths[q].is_finite() { image.depths[q] } else { image.depths[p] }
-                };
-                let px = dist / 1600.0;
-                let (gx, gy) = (
-                    f64::from(d(p + 1) - d(p - 1)) / (2.0 * px),
-                    f64::from(d(p + w) - d(p - w)) / (2.0 * px),
-                );
-                let l = (0.4 * gx + 0.6 * gy + 1.0) / (1.0 + gx * gx + gy * gy).sqrt();
-                let shade = 0.45 + 0.55 * (l / 1.24).clamp(0.0, 1.0);
-                let o = (((n / 3) * h + y) * w * 3 + (n % 3) * w + x) * 3;
-                for k in 0..3 {
-                    pixels[o + k] = (f64::from(class.color()[k]) * shade) as u8;
-                }
-            }
-        }
-    }
-    partpose::files::RgbImage { size: [(w * 3) as u32, (h * 3) as u32], pixels }
-}
-type UnitQ = nalgebra::UnitQuaternion<f64>;
-fn nalgebra_rot(
-    x: partpose::geometry::Vector3,
-    y: partpose::geometry::Vector3,
-    z: partpose::geometry::Vector3,
-) -> partpose::geometry::Rotation3 {
-    nalgebra::Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_rows(&[
-        x.transpose(),
-        y.transpose(),
-        z.transpose(),
-    ]))
 }
