@@ -46,6 +46,9 @@ pub struct EvaluationOptions<'a> {
     pub bounds: OracleBox,
     /// Which labelled vehicles of a frame count; rows to ignore and models that the zoo lacks never do.
     pub include: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
+    /// Whose detections are kept, by frame and index of the configuration, to be drawn; all of them would fill the
+    /// memory.
+    pub keep_detections: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
 }
 
 /// What became of one vehicle under one configuration.
@@ -53,7 +56,7 @@ pub struct EvaluationOptions<'a> {
 pub struct VehicleOutcome {
     /// Index of the vehicle in its frame.
     pub vehicle: usize,
-    /// The detection, so that it can be drawn.
+    /// The detection, where [`EvaluationOptions::keep_detections`] asks for it.
     pub detection: Option<Detection>,
     /// The estimate, or why there is none.
     pub estimate: Result<PoseEstimate, NoPose>,
@@ -108,15 +111,16 @@ fn evaluate_frame(
         return Ok(vec![Vec::new(); configurations.len()]);
     }
     let oracle = Oracle::new(frame, frame.read_parts()?, options.zoo);
-    let run = |(configuration, estimator): (&Configuration, &PoseEstimator)| {
-        vehicles
-            .iter()
-            .map(|vehicle| {
-                evaluate_vehicle(frame, *vehicle, options, &oracle, (configuration, estimator))
-            })
-            .collect()
+    let run = |(index, (configuration, estimator)): (usize, (&Configuration, &PoseEstimator))| {
+        let keep = (options.keep_detections)(frame, index);
+        let one = |vehicle: &usize| {
+            let outcome =
+                evaluate_vehicle(frame, *vehicle, options, &oracle, (configuration, estimator));
+            VehicleOutcome { detection: outcome.detection.filter(|_| keep), ..outcome }
+        };
+        vehicles.iter().map(one).collect()
     };
-    Ok(configurations.iter().zip(estimators).map(run).collect())
+    Ok(configurations.iter().zip(estimators).enumerate().map(run).collect())
 }
 
 fn evaluate_vehicle(

@@ -1,26 +1,26 @@
 //! `partpose evaluate poses`: the paper's Tables III to V, or one configuration.
 
-use std::path::{Path, PathBuf};
+mod output;
 
-use anyhow::{Context, bail};
+use std::path::PathBuf;
+
 use clap::ValueEnum;
 use partpose::dataset::folds::{Fold, Folds};
 use partpose::dataset::{Dataset, Frame, SequenceId};
 use partpose::eval::{
-    Configuration, EvaluationOptions, PoseScores, Stratum, Table, TruthExtent, VehicleOutcome,
-    breakdown, calibrate, evaluate_frames, paper_configurations, paper_tables, score_table,
-    summarize,
+    Configuration, EvaluationOptions, Stratum, TruthExtent, VehicleOutcome, calibrate,
+    evaluate_frames, paper_configurations,
 };
 use partpose::files;
 use partpose::oracle::{Degradation, OracleBox};
+use partpose::parts::Scaling;
 use partpose::pose::{Center2d, Center3d, PartFilters, PoseOptions};
 use partpose::vehicle::ModelZoo;
 
-use serde_json::json;
-
+use crate::commands::result_files::{self, Pictured};
 use crate::pose_flags::PoseFlags;
 use crate::progress;
-use crate::report::{self, Outcome, hint, warn};
+use crate::report::{Outcome, hint, warn};
 
 /// Vehicles that the strength of degradation is found on.
 const CALIBRATION_FRAMES: usize = 60;
@@ -63,6 +63,9 @@ pub(crate) struct Arguments {
     /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration
     #[arg(long)]
     tables: bool,
+    /// Draw this many frames, evenly spread, under the last configuration
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pictures: usize,
     #[command(flatten)]
     pose: PoseFlags,
     /// Folder for metrics and tables
@@ -127,7 +130,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
              and the data set part masks (`partpose dataset check DIR`)",
         ));
     }
-    write(arguments, &evaluated)?;
+    output::write(arguments, &evaluated)?;
     Ok(if evaluated.skipped == 0 { Outcome::Done } else { Outcome::Skipped })
 }
 
@@ -138,6 +141,9 @@ fn evaluate(arguments: &Arguments) -> anyhow::Result<Evaluated> {
     let mut skipped = 0;
     let frames = frames(&dataset, &sequences, arguments.stride, &mut skipped)?;
     let mut rows: Vec<Vec<Row>> = configurations.iter().map(|_| Vec::new()).collect();
+    let last = configurations.len() - 1;
+    let drawn = drawn_frames(&frames, arguments.pictures);
+    let scaling = configurations[last].pose.scaling;
     for fold in folds(arguments)? {
         let zoo = ModelZoo::load(&zoo_path(arguments, fold))?;
         let folds = match fold {
@@ -162,6 +168,7 @@ fn evaluate(arguments: &Arguments) -> anyhow::Result<Evaluated> {
                 BoxFlag::Tight => OracleBox::Tight,
             },
             include: &include,
+            keep_detections: &|frame, index| index == last && drawn.contains(&frame.name()),
         };
         if let Some(target) = arguments.degrade
             && configurations.iter().any(|configuration| configuration.degradation.is_none())
@@ -174,6 +181,9 @@ fn evaluate(arguments: &Arguments) -> anyhow::Result<Evaluated> {
         for (frame, outcome) in frames.iter().zip(outcomes) {
             match outcome {
                 Ok(outcome) => {
+                    if drawn.contains(&frame.name()) {
+                        draw(arguments, frame, (&zoo, scaling), &outcome[last])?;
+                    }
                     for (rows, outcomes) in rows.iter_mut().zip(outcome) {
                         rows.extend(outcomes.into_iter().map(|outcome| row(frame, outcome)));
                     }
@@ -188,9 +198,43 @@ fn evaluate(arguments: &Arguments) -> anyhow::Result<Evaluated> {
     Ok(Evaluated { configurations, rows, skipped })
 }
 
+/// The names of `count` frames with vehicles, evenly spread.
+fn drawn_frames(frames: &[Frame], count: usize) -> Vec<String> {
+    let shown: Vec<&Frame> =
+        frames.iter().filter(|frame| frame.vehicles.iter().any(|v| !v.dont_care)).collect();
+    let step = shown.len().div_ceil(count.max(1)).max(1);
+    shown.into_iter().step_by(step).take(count).map(Frame::name).collect()
+}
+
+fn draw(
+    arguments: &Arguments,
+    frame: &Frame,
+    (zoo, scaling): (&ModelZoo, Scaling),
+    outcomes: &[VehicleOutcome],
+) -> anyhow::Result<()> {
+    let pictured: Vec<Pictured> = outcomes
+        .iter()
+        .filter_map(|outcome| {
+            Some(Pictured {
+                detection: outcome.detection.as_ref()?,
+                estimate: outcome.estimate.as_ref().ok(),
+                truth: Some(frame.vehicles[outcome.vehicle].cuboid),
+            })
+        })
+        .collect();
+    if pictured.is_empty() {
+        return Ok(());
+    }
+    let image = frame.image.as_deref().map(files::read_rgb).transpose()?;
+    let name = frame.name();
+    let picture =
+        result_files::picture(&name, &frame.camera, zoo, image.as_ref(), (&pictured, scaling));
+    let path = arguments.out.join("pictures").join(format!("{}.png", result_files::stem(&name)));
+    Ok(files::write_png(&path, &picture)?)
+}
+
 fn row(frame: &Frame, mut outcome: VehicleOutcome) -> Row {
     let label = &frame.vehicles[outcome.vehicle];
-    // Kernels of thousands of vehicles would fill the memory.
     outcome.detection = None;
     Row {
         sequence: frame.sequence.to_string(),
@@ -291,141 +335,4 @@ fn set_degradation(
         configuration.degradation = Some(Degradation { strength, seed });
     }
     Ok(())
-}
-
-fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Result<()> {
-    let scores: Vec<(String, PoseScores)> = evaluated
-        .configurations
-        .iter()
-        .zip(&evaluated.rows)
-        .map(|(configuration, rows)| {
-            (configuration.name.clone(), summarize(rows.iter().map(|row| row.outcome.scored)))
-        })
-        .collect();
-    let mut tables = if arguments.tables { paper_tables(&scores) } else { Vec::new() };
-    let others: Vec<(String, PoseScores)> = scores
-        .iter()
-        .filter_map(|(name, scores)| Some((name.strip_prefix("past: ")?.to_owned(), *scores)))
-        .collect();
-    if !others.is_empty() {
-        tables.push(score_table("Past the tables: visible centres, LM", &others));
-    }
-    let detailed = evaluated.rows.len() - 1;
-    let by = breakdown(
-        &evaluated.rows[detailed]
-            .iter()
-            .map(|row| (row.stratum, row.outcome.scored))
-            .collect::<Vec<_>>(),
-    );
-    let title = format!(
-        "By distance, occlusion and truncation: {}",
-        evaluated.configurations[detailed].name
-    );
-    tables.push(score_table(&title, &by));
-    let text = markdown(&tables);
-    report::data(&text)?;
-    let file = |name: &str| arguments.out.join(name);
-    files::write(&file("tables.md"), text.as_bytes())?;
-    for (index, table) in tables.iter().enumerate() {
-        files::write(&file(&format!("table-{}.csv", index + 1)), table.to_csv().as_bytes())?;
-    }
-    files::write(&file("vehicles.csv"), vehicle_list(evaluated).to_csv().as_bytes())?;
-    write_metrics(&file("metrics.json"), arguments, evaluated, &scores, &by)
-}
-
-fn markdown(tables: &[Table]) -> String {
-    tables.iter().map(Table::to_markdown).collect::<Vec<_>>().join("\n")
-}
-
-/// One configuration's scores stand at the top, as `count`, `mean_iou3d` and so on; all of them under `rows`.
-fn write_metrics(
-    path: &Path,
-    arguments: &Arguments,
-    evaluated: &Evaluated,
-    scores: &[(String, PoseScores)],
-    by: &[(String, PoseScores)],
-) -> anyhow::Result<()> {
-    let last = scores.len() - 1;
-    let mut metrics = serde_json::to_value(scores[last].1)?;
-    let rows: Vec<_> = scores
-        .iter()
-        .zip(&evaluated.configurations)
-        .zip(&evaluated.rows)
-        .map(|(((name, scores), configuration), rows)| {
-            let accuracy = rows.iter().map(|row| row.outcome.pixel_accuracy).sum::<f64>();
-            json!({
-                "name": name,
-                "kernel": configuration.kernel,
-                "pose": configuration.pose,
-                "degradation_strength": configuration.degradation.map(|d| d.strength),
-                "mean_pixel_accuracy": accuracy / rows.len().max(1) as f64,
-                "scores": scores,
-            })
-        })
-        .collect();
-    let Some(object) = metrics.as_object_mut() else { bail!("scores are not an object") };
-    object.insert("name".to_owned(), json!(scores[last].0));
-    object.insert("extent".to_owned(), json!(extent_name(arguments.extent)));
-    object.insert("skipped_frames".to_owned(), json!(evaluated.skipped));
-    object.insert("rows".to_owned(), json!(rows));
-    let by: Vec<_> = by.iter().map(|(name, s)| json!({ "name": name, "scores": s })).collect();
-    object.insert("breakdown".to_owned(), json!(by));
-    let text = serde_json::to_string_pretty(&metrics)?;
-    files::write(path, text.as_bytes()).context("the metrics could not be written")
-}
-
-fn extent_name(extent: ExtentFlag) -> String {
-    extent.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
-}
-
-/// Every vehicle under the last configuration.
-fn vehicle_list(evaluated: &Evaluated) -> Table {
-    let columns = [
-        "sequence",
-        "frame",
-        "track",
-        "model",
-        "depth",
-        "occluded",
-        "truncated",
-        "pixel_accuracy",
-        "predicted_model",
-        "reprojection_rmse",
-        "iou3d",
-        "delta_x",
-        "delta_y",
-        "delta_z",
-        "delta_alpha_x",
-        "delta_alpha_y",
-        "delta_alpha_z",
-        "no_pose",
-    ];
-    let mut table = Table::new("vehicles", &columns);
-    for row in evaluated.rows.last().into_iter().flatten() {
-        let mut cells = vec![
-            row.sequence.clone(),
-            row.frame.to_string(),
-            row.track.map_or(String::new(), |track| track.to_string()),
-            row.model.clone(),
-            format!("{:.2}", row.stratum.depth),
-            row.stratum.occluded.to_string(),
-            row.stratum.truncated.to_string(),
-            format!("{:.4}", row.outcome.pixel_accuracy),
-        ];
-        match (&row.outcome.estimate, &row.outcome.scored) {
-            (Ok(estimate), Some(d)) => {
-                cells.push(estimate.model.clone());
-                cells.push(format!("{:.3}", estimate.reprojection_rmse));
-                let numbers = std::iter::once(d.iou3d).chain(d.translation).chain(d.rotation);
-                cells.extend(numbers.map(|value| format!("{value:.4}")));
-                cells.push(String::new());
-            }
-            (outcome, _) => {
-                cells.extend(std::iter::repeat_n(String::new(), 9));
-                cells.push(outcome.as_ref().err().map_or(String::new(), ToString::to_string));
-            }
-        }
-        table.rows.push(cells);
-    }
-    table
 }

@@ -1,0 +1,150 @@
+//! Tables, metrics and the list of vehicles, as files.
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use clap::ValueEnum;
+use partpose::eval::{PoseScores, Table, breakdown, paper_tables, score_table, summarize};
+use partpose::files;
+use serde_json::json;
+
+use super::{Arguments, Evaluated, ExtentFlag};
+use crate::report;
+
+/// Prints the tables and writes everything.
+pub(super) fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Result<()> {
+    let scores: Vec<(String, PoseScores)> = evaluated
+        .configurations
+        .iter()
+        .zip(&evaluated.rows)
+        .map(|(configuration, rows)| {
+            (configuration.name.clone(), summarize(rows.iter().map(|row| row.outcome.scored)))
+        })
+        .collect();
+    let mut tables = if arguments.tables { paper_tables(&scores) } else { Vec::new() };
+    let others: Vec<(String, PoseScores)> = scores
+        .iter()
+        .filter_map(|(name, scores)| Some((name.strip_prefix("past: ")?.to_owned(), *scores)))
+        .collect();
+    if !others.is_empty() {
+        tables.push(score_table("Past the tables: visible centres, LM", &others));
+    }
+    let detailed = evaluated.rows.len() - 1;
+    let by = breakdown(
+        &evaluated.rows[detailed]
+            .iter()
+            .map(|row| (row.stratum, row.outcome.scored))
+            .collect::<Vec<_>>(),
+    );
+    let title = format!(
+        "By distance, occlusion and truncation: {}",
+        evaluated.configurations[detailed].name
+    );
+    tables.push(score_table(&title, &by));
+    let text = markdown(&tables);
+    report::data(&text)?;
+    let file = |name: &str| arguments.out.join(name);
+    files::write(&file("tables.md"), text.as_bytes())?;
+    for (index, table) in tables.iter().enumerate() {
+        files::write(&file(&format!("table-{}.csv", index + 1)), table.to_csv().as_bytes())?;
+    }
+    files::write(&file("vehicles.csv"), vehicle_list(evaluated).to_csv().as_bytes())?;
+    write_metrics(&file("metrics.json"), arguments, evaluated, &scores, &by)
+}
+
+fn markdown(tables: &[Table]) -> String {
+    tables.iter().map(Table::to_markdown).collect::<Vec<_>>().join("\n")
+}
+
+/// One configuration's scores stand at the top, as `count`, `mean_iou3d` and so on; all of them under `rows`.
+fn write_metrics(
+    path: &Path,
+    arguments: &Arguments,
+    evaluated: &Evaluated,
+    scores: &[(String, PoseScores)],
+    by: &[(String, PoseScores)],
+) -> anyhow::Result<()> {
+    let last = scores.len() - 1;
+    let mut metrics = serde_json::to_value(scores[last].1)?;
+    let rows: Vec<_> = scores
+        .iter()
+        .zip(&evaluated.configurations)
+        .zip(&evaluated.rows)
+        .map(|(((name, scores), configuration), rows)| {
+            let accuracy = rows.iter().map(|row| row.outcome.pixel_accuracy).sum::<f64>();
+            json!({
+                "name": name,
+                "kernel": configuration.kernel,
+                "pose": configuration.pose,
+                "degradation_strength": configuration.degradation.map(|d| d.strength),
+                "mean_pixel_accuracy": accuracy / rows.len().max(1) as f64,
+                "scores": scores,
+            })
+        })
+        .collect();
+    let Some(object) = metrics.as_object_mut() else { bail!("scores are not an object") };
+    object.insert("name".to_owned(), json!(scores[last].0));
+    object.insert("extent".to_owned(), json!(extent_name(arguments.extent)));
+    object.insert("skipped_frames".to_owned(), json!(evaluated.skipped));
+    object.insert("rows".to_owned(), json!(rows));
+    let by: Vec<_> = by.iter().map(|(name, s)| json!({ "name": name, "scores": s })).collect();
+    object.insert("breakdown".to_owned(), json!(by));
+    let text = serde_json::to_string_pretty(&metrics)?;
+    files::write(path, text.as_bytes()).context("the metrics could not be written")
+}
+
+fn extent_name(extent: ExtentFlag) -> String {
+    extent.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
+}
+
+/// Every vehicle under the last configuration.
+fn vehicle_list(evaluated: &Evaluated) -> Table {
+    let columns = [
+        "sequence",
+        "frame",
+        "track",
+        "model",
+        "depth",
+        "occluded",
+        "truncated",
+        "pixel_accuracy",
+        "predicted_model",
+        "reprojection_rmse",
+        "iou3d",
+        "delta_x",
+        "delta_y",
+        "delta_z",
+        "delta_alpha_x",
+        "delta_alpha_y",
+        "delta_alpha_z",
+        "no_pose",
+    ];
+    let mut table = Table::new("vehicles", &columns);
+    for row in evaluated.rows.last().into_iter().flatten() {
+        let mut cells = vec![
+            row.sequence.clone(),
+            row.frame.to_string(),
+            row.track.map_or(String::new(), |track| track.to_string()),
+            row.model.clone(),
+            format!("{:.2}", row.stratum.depth),
+            row.stratum.occluded.to_string(),
+            row.stratum.truncated.to_string(),
+            format!("{:.4}", row.outcome.pixel_accuracy),
+        ];
+        match (&row.outcome.estimate, &row.outcome.scored) {
+            (Ok(estimate), Some(d)) => {
+                cells.push(estimate.model.clone());
+                cells.push(format!("{:.3}", estimate.reprojection_rmse));
+                let numbers = std::iter::once(d.iou3d).chain(d.translation).chain(d.rotation);
+                cells.extend(numbers.map(|value| format!("{value:.4}")));
+                cells.push(String::new());
+            }
+            (outcome, _) => {
+                cells.extend(std::iter::repeat_n(String::new(), 9));
+                cells.push(outcome.as_ref().err().map_or(String::new(), ToString::to_string));
+            }
+        }
+        table.rows.push(cells);
+    }
+    table
+}
