@@ -148,6 +148,13 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     Ok(())
 }
 
+/// Creates a folder and makes sure that files can be written into it.
+pub fn create_folder(folder: &Path) -> Result<(), FileError> {
+    fs::create_dir_all(folder).map_err(|source| FileError::io(folder, source))?;
+    tempfile::NamedTempFile::new_in(folder).map_err(|source| FileError::io(folder, source))?;
+    Ok(())
+}
+
 /// Writes an RGB image as PNG.
 pub fn write_png(path: &Path, image: &RgbImage) -> Result<(), FileError> {
     write(path, &encode_png(image))
