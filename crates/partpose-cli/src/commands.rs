@@ -4,5 +4,6 @@ pub(crate) mod dataset;
 pub(crate) mod demo;
 pub(crate) mod evaluate;
 pub(crate) mod fit;
+pub(crate) mod provenance;
 pub(crate) mod result_files;
 pub(crate) mod zoo;

@@ -132,7 +132,7 @@ impl Dataset {
     /// The same with options.
     pub fn open_with(root: &Path, options: DatasetOptions) -> Result<Self, DatasetError> {
         // A folder that cannot be listed is said to be so, rather than to have no known layout.
-        std::fs::read_dir(root).map_err(|source| FileError::io(root, source))?;
+        std::fs::read_dir(root).map_err(|source| FileError::read(root, source))?;
         let known = |layout, sequences: Vec<SequenceId>| {
             (!sequences.is_empty()).then(|| Self { root: root.into(), layout, sequences, options })
         };

@@ -20,13 +20,27 @@ const MAX_IMAGE_ALLOC: u64 = 256 << 20;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FileError {
-    /// The operating system refused.
-    #[error("cannot access `{path}`")]
-    Io {
+    /// The operating system refused to read.
+    #[error("cannot read `{path}`")]
+    Read {
         /// The file or folder.
         path: PathBuf,
         /// What the system says.
         source: io::Error,
+    },
+    /// The operating system refused to write.
+    #[error("cannot write `{path}`")]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A file where a folder is to be written to.
+    #[error("`{path}` is a file, not a folder")]
+    NotAFolder {
+        /// The file.
+        path: PathBuf,
     },
     /// Larger than anything of its kind should be.
     #[error("`{path}` has {size} bytes, more than the {limit} that are read")]
@@ -57,9 +71,14 @@ pub enum FileError {
 }
 
 impl FileError {
-    /// An I/O error with the path it belongs to.
-    pub fn io(path: &Path, source: io::Error) -> Self {
-        Self::Io { path: path.to_owned(), source }
+    /// What the system says to an attempt to read a file or to list a folder.
+    pub fn read(path: &Path, source: io::Error) -> Self {
+        Self::Read { path: path.to_owned(), source }
+    }
+
+    /// What the system says to an attempt to write a file or to create a folder.
+    pub fn write(path: &Path, source: io::Error) -> Self {
+        Self::Write { path: path.to_owned(), source }
     }
 }
 
@@ -74,15 +93,15 @@ pub struct RgbImage {
 
 /// The whole file, if it is no larger than [`MAX_FILE`].
 pub fn read(path: &Path) -> Result<Vec<u8>, FileError> {
-    let file = File::open(path).map_err(|source| FileError::io(path, source))?;
-    let size = file.metadata().map_err(|source| FileError::io(path, source))?.len();
+    let file = File::open(path).map_err(|source| FileError::read(path, source))?;
+    let size = file.metadata().map_err(|source| FileError::read(path, source))?.len();
     if size > MAX_FILE {
         return Err(FileError::TooLarge { path: path.to_owned(), size, limit: MAX_FILE });
     }
     let mut bytes = Vec::with_capacity(size as usize);
     // A pipe or a growing file may hold more than its metadata says.
     let read = file.take(MAX_FILE + 1).read_to_end(&mut bytes);
-    read.map_err(|source| FileError::io(path, source))?;
+    read.map_err(|source| FileError::read(path, source))?;
     if bytes.len() as u64 > MAX_FILE {
         let size = bytes.len() as u64;
         return Err(FileError::TooLarge { path: path.to_owned(), size, limit: MAX_FILE });
@@ -104,7 +123,7 @@ pub fn read_rgb(path: &Path) -> Result<RgbImage, FileError> {
     let bytes = read(path)?;
     let mut reader = image::ImageReader::new(io::Cursor::new(bytes))
         .with_guessed_format()
-        .map_err(|source| FileError::io(path, source))?;
+        .map_err(|source| FileError::read(path, source))?;
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(MAX_IMAGE_SIDE);
     limits.max_image_height = Some(MAX_IMAGE_SIDE);
@@ -116,9 +135,9 @@ pub fn read_rgb(path: &Path) -> Result<RgbImage, FileError> {
 
 /// Width and height of a PNG or JPEG image in pixels, from its header alone.
 pub fn image_size(path: &Path) -> Result<[u32; 2], FileError> {
-    let file = File::open(path).map_err(|source| FileError::io(path, source))?;
+    let file = File::open(path).map_err(|source| FileError::read(path, source))?;
     let reader = image::ImageReader::new(io::BufReader::new(file)).with_guessed_format();
-    let reader = reader.map_err(|source| FileError::io(path, source))?;
+    let reader = reader.map_err(|source| FileError::read(path, source))?;
     let failed = |source| FileError::Image { path: path.to_owned(), source };
     let (width, height) = reader.into_dimensions().map_err(failed)?;
     Ok([width, height])
@@ -126,13 +145,10 @@ pub fn image_size(path: &Path) -> Result<[u32; 2], FileError> {
 
 /// Writes a file as a whole: into a temporary file beside it, which then takes its name.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
-    let failed = |source| FileError::io(path, source);
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    fs::create_dir_all(folder).map_err(|source| FileError::io(folder, source))?;
-    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
+    let failed = |source| FileError::write(path, source);
+    let folder = or_here(path.parent().unwrap_or(Path::new("")));
+    make_folders(folder)?;
+    let mut file = temporary_file(folder).map_err(failed)?;
     file.write_all(bytes).map_err(failed)?;
     file.as_file().sync_all().map_err(failed)?;
     #[cfg(unix)]
@@ -148,11 +164,36 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     Ok(())
 }
 
-/// Creates a folder and makes sure that files can be written into it.
-pub fn create_folder(folder: &Path) -> Result<(), FileError> {
-    fs::create_dir_all(folder).map_err(|source| FileError::io(folder, source))?;
-    tempfile::NamedTempFile::new_in(folder).map_err(|source| FileError::io(folder, source))?;
-    Ok(())
+/// Creates a folder with its parents, unless it is there, and makes sure that files can be written into it.
+///
+/// For those who are to write there after hours of work: what would fail then fails now.
+pub fn create_folder(path: &Path) -> Result<(), FileError> {
+    let path = or_here(path);
+    make_folders(path)?;
+    let failed = |source| FileError::write(path, source);
+    let mut probe = temporary_file(path).map_err(failed)?;
+    // A full disk takes the name of a file, but no content.
+    probe.write_all(b"partpose").map_err(failed)?;
+    probe.close().map_err(failed)
+}
+
+fn make_folders(path: &Path) -> Result<(), FileError> {
+    fs::create_dir_all(path).map_err(|source| {
+        match path.ancestors().map(or_here).find(|ancestor| ancestor.exists()) {
+            Some(file) if !file.is_dir() => FileError::NotAFolder { path: file.to_owned() },
+            _ => FileError::write(path, source),
+        }
+    })
+}
+
+/// A file that vanishes unless it is given a name; errors do not tell its random one.
+fn temporary_file(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    tempfile::NamedTempFile::new_in(folder).map_err(|error| error.kind().into())
+}
+
+/// An empty path means the folder that the program runs in.
+fn or_here(path: &Path) -> &Path {
+    if path.as_os_str().is_empty() { Path::new(".") } else { path }
 }
 
 /// Writes an RGB image as PNG.
@@ -199,6 +240,31 @@ mod tests {
     #[test]
     fn missing_file_is_named() {
         let error = read(Path::new("/nowhere/x.txt")).unwrap_err();
-        assert_eq!(error.to_string(), "cannot access `/nowhere/x.txt`");
+        assert_eq!(error.to_string(), "cannot read `/nowhere/x.txt`");
+    }
+
+    #[test]
+    fn created_folder_is_empty_and_may_exist() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a/b");
+        for _ in 0..2 {
+            create_folder(&path).unwrap();
+            assert_eq!(fs::read_dir(&path).unwrap().count(), 0);
+        }
+        create_folder(Path::new("")).unwrap();
+    }
+
+    #[test]
+    fn a_file_in_the_place_of_a_folder_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("out");
+        write(&file, b"text").unwrap();
+        let expected = format!("`{}` is a file, not a folder", file.display());
+        for path in [file.clone(), file.join("deep/er")] {
+            assert_eq!(create_folder(&path).unwrap_err().to_string(), expected);
+            assert_eq!(write(&path.join("x"), b"").unwrap_err().to_string(), expected);
+        }
+        let error = write(folder.path(), b"").unwrap_err();
+        assert_eq!(error.to_string(), format!("cannot write `{}`", folder.path().display()));
     }
 }

@@ -290,7 +290,7 @@ fn bad_zoos_are_named_with_a_remedy() {
     let load = |path: &Path| ModelZoo::load(path).map(|_| ());
     let remedy = check(load(folder.path()), "the zoo `ZOO` holds no `.glb` file");
     assert!(remedy.unwrap().contains("zoo carve"));
-    check(load(&folder.path().join("none")), "cannot access `ZOO/none`");
+    check(load(&folder.path().join("none")), "cannot read `ZOO/none`");
 
     fs::write(folder.path().join("x.glb"), to_glb(&model("car"))).unwrap();
     let zoo = ModelZoo { models: vec![model("car")] };

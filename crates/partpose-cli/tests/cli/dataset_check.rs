@@ -104,7 +104,7 @@ fn a_folder_that_is_no_data_set_ends_with_2() {
         &["dataset", "check", "nowhere"],
         &expect![[r"
         --- stderr
-        error: cannot access `nowhere`
+        error: cannot read `nowhere`
           caused by: No such file or directory (os error 2)
         --- exit 2
     "]],

@@ -15,6 +15,8 @@ use super::{Dataset, DatasetError, SequenceFrames, SequenceId};
 
 /// The variation whose rows are counted, where a world has it; else its first.
 const COUNTED: &str = "clone";
+/// Most folds that tracks are divided into; no data set has as many tracks of one model.
+pub const MAX_FOLDS: usize = 1000;
 
 /// One of several parts of the tracks, written `I/K` with I from 1 to K.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,20 +29,22 @@ pub struct Fold {
 
 /// Text that is not a fold.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{text}` is not a fold: write I/K with I from 1 to K, as in `1/4`")]
+#[error(
+    "`{text}` is not a fold: write I/K with I from 1 to K and K up to {MAX_FOLDS}, as in `1/4`"
+)]
 pub struct FoldError {
     /// What was given.
     pub text: String,
 }
 
 impl Fold {
-    /// Parses `I/K`.
+    /// Parses `I/K`; K is limited to [`MAX_FOLDS`].
     pub fn parse(text: &str) -> Result<Self, FoldError> {
         let parts = text.split_once('/').and_then(|(index, count)| {
             Some(Self { index: index.parse().ok()?, count: count.parse().ok()? })
         });
         parts
-            .filter(|fold| (1..=fold.count).contains(&fold.index))
+            .filter(|fold| fold.count <= MAX_FOLDS && (1..=fold.count).contains(&fold.index))
             .ok_or_else(|| FoldError { text: text.to_owned() })
     }
 }
@@ -80,9 +84,9 @@ pub struct Folds {
 }
 
 impl Folds {
-    /// Deals tracks; the order in which they are given does not matter.
+    /// Deals tracks into 1 to [`MAX_FOLDS`] folds; the order in which they are given does not matter.
     pub fn deal(tracks: &[TrackSummary], count: usize) -> Self {
-        let count = count.max(1);
+        let count = count.clamp(1, MAX_FOLDS);
         let mut by_model: BTreeMap<&str, Vec<&TrackSummary>> = BTreeMap::new();
         for track in tracks {
             by_model.entry(&track.model).or_default().push(track);
@@ -191,14 +195,20 @@ mod tests {
     #[test]
     fn fold_is_written_from_1_to_its_count() {
         assert_eq!(Fold::parse("2/4"), Ok(Fold { index: 2, count: 4 }));
-        for wrong in ["", "0/4", "5/4", "1", "1/0", "-1/4", "a/b", "1/4/2", "1.5/4"] {
+        assert_eq!(Fold::parse("1000/1000"), Ok(Fold { index: 1000, count: 1000 }));
+        for wrong in ["", "0/4", "5/4", "1", "1/0", "-1/4", "a/b", "1/4/2", "1.5/4", "1/1001"] {
             assert!(Fold::parse(wrong).is_err(), "{wrong}");
         }
-        let error = Fold::parse("0/4").unwrap_err();
+    }
+
+    #[test]
+    fn a_count_beyond_memory_is_refused_in_words_and_never_dealt() {
+        let error = Fold::parse("1/99999999999").unwrap_err();
         assert_eq!(
             error.to_string(),
-            "`0/4` is not a fold: write I/K with I from 1 to K, as in `1/4`"
+            "`1/99999999999` is not a fold: write I/K with I from 1 to K and K up to 1000, as in `1/4`"
         );
+        assert_eq!(Folds::deal(&some_tracks(), usize::MAX).count(), MAX_FOLDS);
     }
 
     #[test]

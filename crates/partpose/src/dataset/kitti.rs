@@ -71,7 +71,7 @@ pub(super) fn read(root: &Path, sequence: &SequenceId) -> Result<SequenceFrames,
 }
 
 fn indices(folder: &Path) -> Result<Vec<u32>, DatasetError> {
-    let failed = |source| FileError::io(folder, source);
+    let failed = |source| FileError::read(folder, source);
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(failed)? {
         let name = entry.map_err(failed)?.file_name();

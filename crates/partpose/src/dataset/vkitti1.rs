@@ -66,8 +66,8 @@ pub(super) fn sequences(root: &Path) -> Result<Vec<SequenceId>, DatasetError> {
         return Ok(Vec::new());
     }
     let mut found = Vec::new();
-    for entry in fs::read_dir(&folder).map_err(|source| FileError::io(&folder, source))? {
-        let name = entry.map_err(|source| FileError::io(&folder, source))?.file_name();
+    for entry in fs::read_dir(&folder).map_err(|source| FileError::read(&folder, source))? {
+        let name = entry.map_err(|source| FileError::read(&folder, source))?.file_name();
         let name = name.to_string_lossy();
         if let Some((world, variation)) =
             name.strip_suffix(".txt").and_then(|stem| stem.split_once('_'))

@@ -151,7 +151,7 @@ fn folder(root: &Path, sequence: &SequenceId) -> PathBuf {
 }
 
 fn subfolders(path: &Path) -> Result<Vec<String>, DatasetError> {
-    let failed = |source| FileError::io(path, source);
+    let failed = |source| FileError::read(path, source);
     let mut names = Vec::new();
     for entry in fs::read_dir(path).map_err(failed)? {
         let entry = entry.map_err(failed)?;

@@ -155,7 +155,7 @@ impl ModelZoo {
 
 /// The `.glb` files of a folder, sorted by name; hidden ones are left out.
 fn glb_files(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
-    let failed = |source| FileError::io(folder, source);
+    let failed = |source| FileError::read(folder, source);
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();

@@ -176,5 +176,5 @@ fn a_folder_without_a_layout_says_what_was_looked_for() {
         assert!(cause.contains(sign), "{cause}");
     }
     let error = Dataset::open(Path::new("/nowhere")).unwrap_err();
-    assert_eq!(error.to_string(), "cannot access `/nowhere`");
+    assert_eq!(error.to_string(), "cannot read `/nowhere`");
 }

@@ -18,6 +18,7 @@ use partpose::files;
 use partpose::oracle::OracleBox;
 use partpose::vehicle::ModelZoo;
 
+use crate::commands::provenance;
 use crate::pose_flags::PoseFlags;
 use crate::progress;
 use crate::report::{Outcome, hint, warn};
@@ -145,6 +146,12 @@ fn evaluate(
 ) -> anyhow::Result<Evaluated> {
     let sequences = frames::sequences(arguments, dataset)?;
     let (frames, mut skipped) = frames::read(dataset, &sequences, arguments.stride)?;
+    for fold in folds {
+        let zoo = frames::zoo_path(arguments, *fold);
+        if let Some(objection) = provenance::objection(&zoo, &sequences, *fold) {
+            warn(objection);
+        }
+    }
     // Nothing is written before the end; what cannot be written to is told now.
     files::create_folder(&arguments.out)?;
     let mut configurations = rows::configurations(arguments);

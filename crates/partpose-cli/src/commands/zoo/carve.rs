@@ -12,6 +12,7 @@ use partpose::vehicle::ModelZoo;
 use partpose::viz::{TurntableOptions, turntable};
 
 use super::carve_report;
+use crate::commands::provenance;
 use crate::progress;
 use crate::report::{self, Outcome, hint};
 
@@ -83,6 +84,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Some(remedy) => hint(error, remedy),
         None => error.into(),
     })?;
+    provenance::write(&arguments.out, dataset.root(), &sequences, arguments.fold)?;
     if let Some(folder) = &arguments.report {
         let measured =
             |sequence: &SequenceId, track: u32| folds.is_none() || leave_out(sequence, track);
