@@ -22,13 +22,13 @@ pub(crate) struct PoseFlags {
     #[arg(long, value_enum, default_value = "cub")]
     points_3d: Points3d,
     /// Filters of parts, separated by commas: small parts, whitelist, blacklist, image border; or none
-    #[arg(long, value_enum, value_delimiter = ',', default_values = ["sp", "wl", "bl", "cfix"])]
-    filters: Vec<FilterFlag>,
+    #[arg(long, value_name = "LIST", value_parser = filters, default_value = "sp,wl,bl,cfix")]
+    filters: Filters,
     /// Share of the box that a part must exceed under `sp`
     #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_SMALL_PART, value_parser = share)]
     small_part: f64,
     /// Outermost rows and columns of the image that count as its border under `cfix`
-    #[arg(long, value_name = "PIXELS", default_value_t = 1)]
+    #[arg(long, value_name = "PIXELS", default_value_t = 1, value_parser = clap::value_parser!(u32).range(..=1000))]
     border: u32,
     /// Seed of whatever is random
     #[arg(long, default_value_t = 0)]
@@ -61,18 +61,22 @@ enum Points3d {
     Visible,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum FilterFlag {
-    /// Drop small parts
-    Sp,
-    /// Keep lights and mirrors whatever their size
-    Wl,
-    /// Drop sides, aprons and roof
-    Bl,
-    /// Drop parts at the image border
-    Cfix,
-    /// No filter
-    None,
+/// The filters that are asked for: -SP, +WL, +BL, +CFIX.
+#[derive(Clone, Copy, Debug)]
+struct Filters([bool; 4]);
+
+fn filters(text: &str) -> Result<Filters, String> {
+    let mut chosen = [false; 4];
+    if text != "none" {
+        for name in text.split(',') {
+            let at = ["sp", "wl", "bl", "cfix"].iter().position(|known| *known == name);
+            let at = at.ok_or_else(|| {
+                format!("`{name}` is not a filter: `none`, or some of sp,wl,bl,cfix, is meant")
+            })?;
+            chosen[at] = true;
+        }
+    }
+    Ok(Filters(chosen))
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -85,8 +89,7 @@ fn share(text: &str) -> Result<f64, String> {
 impl PoseFlags {
     /// The options that the flags ask for.
     pub(crate) fn options(&self) -> PoseOptions {
-        let filter =
-            |flag| self.filters.contains(&flag) && !self.filters.contains(&FilterFlag::None);
+        let Filters([small_parts, whitelist, blacklist, border]) = self.filters;
         PoseOptions {
             scaling: match self.scaling {
                 ScalingFlag::Nearest => Scaling::Nearest,
@@ -102,10 +105,10 @@ impl PoseFlags {
                 Points3d::Visible => Center3d::Visible,
             },
             filters: PartFilters {
-                small_parts: filter(FilterFlag::Sp).then_some(self.small_part),
-                whitelist: filter(FilterFlag::Wl),
-                blacklist: filter(FilterFlag::Bl),
-                image_border: filter(FilterFlag::Cfix).then_some(self.border),
+                small_parts: small_parts.then_some(self.small_part),
+                whitelist,
+                blacklist,
+                image_border: border.then_some(self.border),
             },
             method: match self.fit {
                 FitFlag::Epnp => PnpMethod::Epnp,

@@ -155,6 +155,12 @@ const FIT_FACES: usize = 10_000;
 /// Least share of the cuboid's pixels that show parts if nothing is in front.
 const MIN_FILL: f64 = 0.5;
 
+/// The same once occluders are found.
+const MIN_USABLE: f64 = 0.15;
+
+/// Largest share of the silhouette that occluders may hide.
+const MAX_HIDDEN: f64 = 0.4;
+
 /// Least share of the cuboid's pixels of which a view must know something.
 const MIN_KNOWN: f64 = 0.3;
 
@@ -217,6 +223,33 @@ fn hull_surface(
     (!half.faces.is_empty()).then_some(half)
 }
 
+/// Marks what hides the vehicle in each view and gives the views of which enough is left.
+///
+/// `depth`, as a share of the box height, but at least `least` pixels: see [`occluders::mark_occluders`].
+fn find_occluders<'a>(
+    views: &'a mut [View],
+    half: &half::HalfMesh,
+    extent: &Extent,
+    others: &[(&str, &Mesh, Extent)],
+    depth: f64,
+    least: f64,
+) -> Vec<&'a View> {
+    let mesh = half.mirrored(&[]);
+    let hidden: Vec<f64> = views
+        .par_iter_mut()
+        .map(|view| {
+            view::mark_foreign(view, others);
+            let depth = (depth * view.box_height).max(least) as f32;
+            occluders::mark_occluders(view, &mesh, extent, depth)
+        })
+        .collect();
+    let usable = views.iter().zip(&hidden);
+    usable
+        .filter(|(view, hidden)| view.known >= MIN_USABLE && **hidden < MAX_HIDDEN)
+        .map(|(view, _)| view)
+        .collect()
+}
+
 /// The body style that a mesh name speaks of; `other` where it speaks of none.
 pub fn body_style(name: &str) -> &'static str {
     const STYLES: [&str; 8] =
@@ -235,55 +268,23 @@ fn finish(
     observer: &mut dyn FnMut(Progress),
 ) -> Result<CarvedModel, Skipped> {
     let mut tell = |step| observer(Progress::Carving { model: name.to_owned(), step });
-    let extent = first.extent;
-    let mut half = first.half;
+    let Shape { mut half, extent } = first;
     for (depth, least, coarseness) in [(0.12, 4.0, 2), (0.07, 3.0, 1)] {
-        tell("occluders");
-        let mesh = half.mirrored(&[]);
-        let hidden: Vec<f64> = views
-            .par_iter_mut()
-            .map(|view| {
-                view::mark_foreign(view, others);
-                let depth = (depth * view.box_height).max(least) as f32;
-                occluders::mark_occluders(view, &mesh, &extent, depth)
-            })
-            .collect();
-        let usable: Vec<&View> = views
-            .iter()
-            .zip(&hidden)
-            .filter(|(view, hidden)| view.known >= 0.15 && **hidden < 0.4)
-            .map(|(view, _)| view)
-            .collect();
         tell("hull");
+        let usable = find_occluders(views, &half, &extent, others, depth, least);
         half = hull_surface(&extent, &usable, options, coarseness, 0.6)
             .ok_or_else(|| Skipped::Empty { name: name.to_owned(), views: usable.len() })?;
     }
-    tell("outlines");
     half = simplify::simplify(&half, &[], FIT_FACES).0;
-    let mesh = half.mirrored(&[]);
-    let hidden: Vec<f64> = views
-        .par_iter_mut()
-        .map(|view| {
-            view::mark_foreign(view, others);
-            let depth = (0.05 * view.box_height).max(2.5) as f32;
-            occluders::mark_occluders(view, &mesh, &extent, depth)
-        })
-        .collect();
-    let usable: Vec<&View> = views
-        .iter()
-        .zip(&hidden)
-        .filter(|(view, hidden)| view.known >= 0.15 && **hidden < 0.4)
-        .map(|(view, _)| view)
-        .collect();
-    let contour = ContourOptions {
-        rounds: 10,
-        reach: 0.08,
-        stiffness: 1.0,
-        membrane_rounds: 40,
-        membrane_weight: 2.0,
-        unit_resolution: 40.0,
-    };
-    let outline_error = contour::fit(&mut half, &usable, &extent, &contour);
+    let mut usable = Vec::new();
+    let mut outline_error = Vec::new();
+    // A bulge of the hull passes for an occluder until the first fit has drawn it in.
+    for depth in [0.06, 0.04] {
+        tell("outlines");
+        usable = find_occluders(views, &half, &extent, others, depth, 2.5);
+        let round = contour::fit(&mut half, &usable, &extent, &ContourOptions::default());
+        outline_error.extend(round);
+    }
     tell("labels");
     let half = simplify::refine(&half, LABEL_EDGE);
     let votes = labels::votes(&half, &usable, &extent);

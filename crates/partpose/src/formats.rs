@@ -6,4 +6,4 @@ mod results;
 
 pub use detections::{DetectionFile, DetectionFileError, read_detections, write_detections};
 pub use kitti::{KittiRow, kitti_text};
-pub use results::{ImageResult, VehicleResult, image_result};
+pub use results::{ImageResult, ResultSettings, VehicleResult, image_result};

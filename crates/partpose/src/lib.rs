@@ -1,5 +1,23 @@
 //! Six-degree-of-freedom vehicle poses from part masks.
 //!
+//! ```no_run
+//! use partpose::formats::read_detections;
+//! use partpose::geometry::Camera;
+//! use partpose::pose::{ExtentSource, PoseEstimator, PoseOptions};
+//! use partpose::vehicle::ModelZoo;
+//!
+//! let zoo = ModelZoo::load("zoo".as_ref())?;
+//! let estimator = PoseEstimator::new(&zoo, &PoseOptions::default());
+//! let camera = Camera::pinhole(725.0, [620.5, 187.0], [1242, 375]);
+//! for (_, detection) in read_detections("detections.safetensors".as_ref())?.detections {
+//!     match estimator.estimate(&camera, &detection, &ExtentSource::Model) {
+//!         Ok(found) => println!("{} at {}", found.model, found.camera_from_vehicle.translation),
+//!         Err(reason) => println!("no pose: {reason}"),
+//!     }
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! The way of one frame: a [`dataset::Frame`] holds an image's camera and its labelled vehicles; a detector, or
 //! the [`oracle`] in its place, turns it into [`detection::Detection`]s; [`pose`] turns each detection into a
 //! [`pose::PoseEstimate`] with the models of a [`vehicle::ModelZoo`]; [`eval`] scores the estimates against the frame.

@@ -6,11 +6,12 @@
 mod centers;
 mod estimator;
 mod filters;
+mod fit;
 mod visible;
 
 pub use centers::{Center2d, Center3d, PartEvidence, model_centers, part_evidence};
 pub use estimator::{
-    Candidate, ExtentSource, NoPose, PartCorrespondence, PnpMethod, PoseEstimate, PoseEstimator,
-    PoseOptions,
+    Alternative, Candidate, ExtentSource, NoPose, PartCorrespondence, PnpMethod, PoseEstimate,
+    PoseEstimator, PoseOptions,
 };
 pub use filters::{DEFAULT_SMALL_PART, PartFilters};

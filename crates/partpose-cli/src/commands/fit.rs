@@ -1,10 +1,12 @@
 //! `partpose fit`: anybody's detections to poses.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use partpose::detection::Detection;
 use partpose::files::{self, RgbImage};
-use partpose::formats::{DetectionFile, image_result, read_detections};
+use partpose::formats::{
+    DetectionFile, DetectionFileError, ResultSettings, image_result, read_detections,
+};
 use partpose::geometry::{Camera, Extent};
 use partpose::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator};
 use partpose::vehicle::ModelZoo;
@@ -27,11 +29,12 @@ pub(crate) struct Arguments {
     /// Folder of the models
     #[arg(long, value_name = "DIR")]
     zoo: PathBuf,
-    /// Size of the vehicles: `model`, or width,height,length in metres
-    #[arg(long, value_name = "SIZE", default_value = "model", value_parser = parse_extent)]
+    /// Size of the vehicles, on which their distance depends: `file` takes the detections' own `extents`, else the
+    /// models'; `model` the models'; width,height,length in metres is one size for all
+    #[arg(long, value_name = "SIZE", default_value = "file", value_parser = parse_extent)]
     extent: FitExtent,
     /// Leave out detections with a lower score
-    #[arg(long, value_name = "SCORE", default_value_t = 0.0)]
+    #[arg(long, value_name = "SCORE", default_value_t = 0.0, value_parser = parse_score)]
     min_score: f64,
     /// Folder of the images named in the detections, to draw on
     #[arg(long, value_name = "DIR")]
@@ -48,45 +51,86 @@ pub(crate) struct Arguments {
 
 #[derive(Clone, Copy, Debug)]
 enum FitExtent {
+    File,
     Model,
     Given(Extent),
 }
 
 fn parse_extent(text: &str) -> Result<FitExtent, String> {
-    if text == "model" {
-        return Ok(FitExtent::Model);
+    match text {
+        "file" => return Ok(FitExtent::File),
+        "model" => return Ok(FitExtent::Model),
+        _ => {}
     }
     let sides: Result<Vec<f64>, _> = text.split(',').map(str::parse).collect();
     match sides.as_deref() {
         Ok([width, height, length]) => {
             let extent = Extent::new(*width, *height, *length);
-            if extent.is_valid() {
+            let believed = [0.1, 100.0];
+            if [*width, *height, *length]
+                .iter()
+                .all(|side| (believed[0]..=believed[1]).contains(side))
+            {
                 return Ok(FitExtent::Given(extent));
             }
-            Err("width, height and length must be positive".to_owned())
+            Err("width, height and length must lie between 0.1 and 100 metres".to_owned())
         }
-        _ => Err("`model` or width,height,length is meant, such as 1.8,1.5,4.4".to_owned()),
+        _ => Err("`file`, `model` or width,height,length is meant, such as 1.8,1.5,4.4".to_owned()),
     }
 }
 
+fn parse_score(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
+        _ => Err("a score from 0 to 1 is meant".to_owned()),
+    }
+}
+
+/// What every image is fitted with.
+struct Job<'a> {
+    arguments: &'a Arguments,
+    camera: Camera,
+    zoo: ModelZoo,
+    estimator: PoseEstimator,
+    settings: ResultSettings,
+}
+
+/// The detections of one image, each with its size where the file knows it.
+struct ImageDetections {
+    name: String,
+    stem: String,
+    detections: Vec<(Detection, Option<Extent>)>,
+}
+
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let file = read_detections(&arguments.detections).map_err(|error| {
-        hint(error, "docs/formats.md, \"Detections\", lists the tensors, their shapes and types")
+    let file = read_detections(&arguments.detections).map_err(|error| match error {
+        DetectionFileError::File(_) => anyhow::Error::from(error),
+        error => hint(
+            error,
+            "docs/formats.md, \"Detections\", lists the tensors, their shapes and types",
+        ),
     })?;
-    let camera = load_camera(&arguments.camera)?;
+    let options = arguments.pose.options();
     let zoo = ModelZoo::load(&arguments.zoo)?;
-    let estimator = PoseEstimator::new(&zoo, &arguments.pose.options());
-    let extent = match arguments.extent {
-        FitExtent::Model => ExtentSource::Model,
-        FitExtent::Given(extent) => ExtentSource::Given(extent),
+    let job = Job {
+        arguments,
+        camera: load_camera(&arguments.camera)?,
+        estimator: PoseEstimator::new(&zoo, &options),
+        zoo,
+        settings: ResultSettings {
+            version: env!("CARGO_PKG_VERSION"),
+            zoo: arguments.zoo.display().to_string(),
+            extent: extent_in_words(arguments.extent, file.extents.is_some()),
+            pose: options,
+        },
     };
-    let by_image = by_image(file, arguments.min_score);
+    let by_image = by_image(file, arguments.min_score)?;
+    files::create_folder(&arguments.out)?;
     let bar = progress::bar("images", by_image.len() as u64);
     let done: Vec<anyhow::Result<Counts>> = by_image
         .into_par_iter()
-        .map(|(name, detections)| {
-            let counts =
-                fit_image(arguments, (&name, detections), &camera, (&zoo, &estimator), &extent);
+        .map(|image| {
+            let counts = fit_image(&job, image);
             bar.inc(1);
             counts
         })
@@ -103,7 +147,21 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         "found {} poses; {} detections have none, with the reason in the results",
         total.posed, total.without
     ));
+    if total.posed == 0 {
+        warn("no detection has a pose");
+        return Ok(Outcome::Skipped);
+    }
     Ok(if total.skipped == 0 { Outcome::Done } else { Outcome::Skipped })
+}
+
+fn extent_in_words(extent: FitExtent, has_extents: bool) -> String {
+    match extent {
+        FitExtent::File if has_extents => "given with the detections".to_owned(),
+        FitExtent::File | FitExtent::Model => "of the models".to_owned(),
+        FitExtent::Given(e) => {
+            format!("given: {} x {} x {} m (width, height, length)", e.width, e.height, e.length)
+        }
+    }
 }
 
 #[derive(Default)]
@@ -114,67 +172,81 @@ struct Counts {
     skipped: usize,
 }
 
-fn by_image(file: DetectionFile, min_score: f64) -> Vec<(String, Vec<Detection>)> {
-    let mut images: Vec<(String, Vec<Detection>)> =
-        file.images.into_iter().map(|name| (name, Vec::new())).collect();
-    for (image, detection) in file.detections {
+fn by_image(file: DetectionFile, min_score: f64) -> anyhow::Result<Vec<ImageDetections>> {
+    let stems = result_files::stems(&file.images)?;
+    let mut images: Vec<ImageDetections> = file
+        .images
+        .into_iter()
+        .zip(stems)
+        .map(|(name, stem)| ImageDetections { name, stem, detections: Vec::new() })
+        .collect();
+    for (index, (image, detection)) in file.detections.into_iter().enumerate() {
         if detection.score >= min_score {
-            images[image].1.push(detection);
+            let extent = file.extents.as_ref().map(|extents| extents[index]);
+            images[image].detections.push((detection, extent));
         }
     }
-    images
+    Ok(images)
 }
 
-fn fit_image(
-    arguments: &Arguments,
-    (name, detections): (&str, Vec<Detection>),
-    camera: &Camera,
-    (zoo, estimator): (&ModelZoo, &PoseEstimator),
-    extent: &ExtentSource,
-) -> anyhow::Result<Counts> {
+fn fit_image(job: &Job, image: ImageDetections) -> anyhow::Result<Counts> {
+    let arguments = job.arguments;
+    let ImageDetections { name, stem, detections } = image;
     let estimated: Vec<(Detection, Result<PoseEstimate, NoPose>)> = detections
         .into_iter()
-        .map(|detection| {
-            let estimate = estimator.estimate(camera, &detection, extent);
+        .map(|(detection, own)| {
+            let extent = match (arguments.extent, own) {
+                (FitExtent::Given(extent), _) | (FitExtent::File, Some(extent)) => {
+                    ExtentSource::Given(extent)
+                }
+                (FitExtent::File | FitExtent::Model, _) => ExtentSource::Model,
+            };
+            let estimate = job.estimator.estimate(&job.camera, &detection, &extent);
             (detection, estimate)
         })
         .collect();
     let posed = estimated.iter().filter(|(_, estimate)| estimate.is_ok()).count();
     let mut counts = Counts { posed, without: estimated.len() - posed, skipped: 0 };
-    let stem = result_files::stem(name);
-    let result = image_result(name, camera, &estimated);
+    let result = image_result(&name, &job.camera, &job.settings, &estimated);
     let written: Vec<_> = estimated.iter().map(|(d, e)| (d, e.as_ref().ok())).collect();
-    result_files::write_results(&arguments.out, &stem, &result, &written, zoo)?;
-    if !arguments.no_pictures {
-        let image = match &arguments.images {
-            Some(folder) => match read_image(&folder.join(name), camera) {
-                Ok(image) => Some(image),
-                Err(error) => {
-                    warn(format_args!("drew `{stem}` without its image: {error}"));
-                    counts.skipped += 1;
-                    None
-                }
-            },
-            None => None,
-        };
-        let pictured: Vec<Pictured> = estimated
-            .iter()
-            .map(|(detection, estimate)| Pictured {
-                detection,
-                estimate: estimate.as_ref().ok(),
-                truth: None,
-            })
-            .collect();
-        let scaling = arguments.pose.options().scaling;
-        let picture =
-            result_files::picture(&stem, camera, zoo, image.as_ref(), (&pictured, scaling));
-        files::write_png(&arguments.out.join(format!("{stem}.png")), &picture)?;
+    result_files::write_results(&arguments.out, &stem, &result, &written, &job.zoo)?;
+    if arguments.no_pictures {
+        return Ok(counts);
     }
+    let image = match &arguments.images {
+        Some(folder) => match read_image(folder, &name, &job.camera) {
+            Ok(image) => Some(image),
+            Err(error) => {
+                warn(format_args!("drew `{stem}` without its image: {error:#}"));
+                counts.skipped += 1;
+                None
+            }
+        },
+        None => None,
+    };
+    let pictured: Vec<Pictured> = estimated
+        .iter()
+        .map(|(detection, estimate)| Pictured {
+            detection,
+            estimate: estimate.as_ref().ok(),
+            zoo: &job.zoo,
+            truth: None,
+        })
+        .collect();
+    let drawn = (pictured.as_slice(), job.estimator.options().scaling);
+    let picture = result_files::picture(&stem, &job.camera, image.as_ref(), drawn);
+    files::write_png(&arguments.out.join(format!("{stem}.png")), &picture)?;
     Ok(counts)
 }
 
-fn read_image(path: &Path, camera: &Camera) -> anyhow::Result<RgbImage> {
-    let image = files::read_rgb(path)?;
+/// The image by its name below a folder; the file of detections must not lead out of it.
+fn read_image(folder: &Path, name: &str, camera: &Camera) -> anyhow::Result<RgbImage> {
+    let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_)));
+    if !inside {
+        anyhow::bail!("the name `{name}` leads out of `{}`", folder.display());
+    }
+    let path = folder.join(name);
+    let image = files::read_rgb(&path)?;
     if image.size != camera.size {
         anyhow::bail!(
             "`{}` has {} x {} pixels, but the camera {} x {}",

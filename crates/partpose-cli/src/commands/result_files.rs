@@ -1,5 +1,6 @@
 //! What every command that estimates poses writes for an image: JSON, KITTI text, a picture.
 
+use std::collections::BTreeMap;
 use std::path::{Component, Path};
 
 use partpose::detection::Detection;
@@ -12,22 +13,51 @@ use partpose::render::Instance;
 use partpose::vehicle::ModelZoo;
 use partpose::viz::{BirdsEyeOptions, PointPair, ScenePicture, VehiclePicture, side_by_side};
 
+use crate::report::hint;
+
 /// One vehicle to draw.
 pub(crate) struct Pictured<'a> {
     pub(crate) detection: &'a Detection,
     pub(crate) estimate: Option<&'a PoseEstimate>,
+    /// The zoo that the estimate's model is of.
+    pub(crate) zoo: &'a ModelZoo,
     pub(crate) truth: Option<Cuboid>,
 }
 
+/// Endings that are not part of an image's name.
+const IMAGE_ENDINGS: [&str; 7] = ["png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp"];
+
 /// The name of an image without its ending, safe as a file's name: folders become part of it.
 pub(crate) fn stem(image: &str) -> String {
-    let path = Path::new(image).with_extension("");
+    let name = Path::new(image);
+    let ending = name.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    let is_image = ending.is_some_and(|ending| IMAGE_ENDINGS.contains(&ending.as_str()));
+    let path = if is_image { name.with_extension("") } else { name.to_owned() };
     let parts = path.components().filter_map(|component| match component {
         Component::Normal(part) => Some(part.to_string_lossy().into_owned()),
         _ => None,
     });
     let name = parts.collect::<Vec<_>>().join("_");
     if name.is_empty() { "image".to_owned() } else { name }
+}
+
+/// The stems of all images; an error if two would write the same files.
+pub(crate) fn stems(images: &[String]) -> anyhow::Result<Vec<String>> {
+    let mut seen: BTreeMap<String, &String> = BTreeMap::new();
+    let mut stems = Vec::with_capacity(images.len());
+    for image in images {
+        let stem = stem(image);
+        if let Some(other) = seen.insert(stem.to_lowercase(), image) {
+            return Err(hint(
+                anyhow::anyhow!(
+                    "the images `{other}` and `{image}` would both be written to `{stem}.json`"
+                ),
+                "give the images names that differ in more than their folder's separators and endings",
+            ));
+        }
+        stems.push(stem);
+    }
+    Ok(stems)
 }
 
 /// Writes `STEM.json` and `STEM.txt`.
@@ -64,7 +94,6 @@ pub(crate) fn write_results(
 pub(crate) fn picture(
     title: &str,
     camera: &Camera,
-    zoo: &ModelZoo,
     image: Option<&RgbImage>,
     (vehicles, scaling): (&[Pictured], Scaling),
 ) -> RgbImage {
@@ -74,7 +103,7 @@ pub(crate) fn picture(
         .iter()
         .zip(&masks)
         .enumerate()
-        .map(|(index, (vehicle, mask))| vehicle_picture(index, vehicle, mask, camera, zoo))
+        .map(|(index, (vehicle, mask))| vehicle_picture(index, vehicle, mask, camera))
         .collect();
     let scene = ScenePicture { camera: *camera, image, title: title.to_owned(), vehicles };
     side_by_side(&scene, &BirdsEyeOptions::default())
@@ -82,10 +111,9 @@ pub(crate) fn picture(
 
 fn vehicle_picture<'a>(
     index: usize,
-    vehicle: &Pictured,
+    vehicle: &Pictured<'a>,
     mask: &'a PartMask,
     camera: &Camera,
-    zoo: &'a ModelZoo,
 ) -> VehiclePicture<'a> {
     let mut picture = VehiclePicture {
         id: (index + 1).to_string(),
@@ -106,7 +134,7 @@ fn vehicle_picture<'a>(
             Some(PointPair { observed, reprojected, class: c.part, inlier })
         })
         .collect();
-    picture.model = zoo.models.get(estimate.model_index).map(|model| Instance {
+    picture.model = vehicle.zoo.models.get(estimate.model_index).map(|model| Instance {
         mesh: model.mesh(),
         scale: estimate.scale,
         camera_from_vehicle: estimate.camera_from_vehicle,
@@ -128,8 +156,20 @@ mod tests {
 
     #[test]
     fn stem_cannot_leave_its_folder() {
-        assert_eq!(stem("a/b/0001.png"), "a_b_0001");
+        assert_eq!(stem("a/b/0001.PNG"), "a_b_0001");
+        assert_eq!(stem("frame.0001"), "frame.0001");
         assert_eq!(stem("../../etc/passwd"), "etc_passwd");
         assert_eq!(stem(""), "image");
+    }
+
+    #[test]
+    fn images_that_would_overwrite_each_other_are_refused() {
+        let names =
+            |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+        assert_eq!(stems(&names(&["f.0001", "f.0002", "g.png"])).unwrap().len(), 3);
+        for clash in [["x/a.png", "x_a.jpg"], ["a.png", "a.png"], ["A.png", "a.png"]] {
+            let said = stems(&names(&clash)).unwrap_err().to_string();
+            assert!(said.contains(clash[0]) && said.contains(clash[1]), "{said}");
+        }
     }
 }

@@ -89,7 +89,8 @@ fn detections_that_are_cut_off_or_something_else_are_refused() {
         refuses(folder.path(), "detections.safetensors");
     }
     fs::remove_file(&path).unwrap();
-    refuses(folder.path(), "detections.safetensors");
+    let said = fit(folder.path());
+    assert!(said.contains("detections.safetensors") && said.ends_with("--- exit 2\n"), "{said}");
 }
 
 #[test]
@@ -135,6 +136,76 @@ fn one_bad_frame_is_reported_and_the_rest_is_done() {
         ["evaluate", "poses", "--dataset", "vkitti", "--zoo", "zoo", "--oracle", "--out", "out"];
     let said = run(folder.path(), &arguments);
     assert!(said.contains("0001/clone/00001") && said.ends_with("--- exit 1\n"), "{said}");
+    // With errors asked for, the bad frame does not stop the search for their strength either.
+    let said = run(folder.path(), &[&arguments[..], &["--degrade", "90"]].concat());
+    assert!(said.ends_with("--- exit 1\n"), "{said}");
     let metrics = fs::read_to_string(folder.path().join("out/metrics.json")).unwrap();
     assert!(metrics.contains("\"skipped_frames\": 1"), "{metrics}");
+}
+
+#[test]
+fn images_that_share_a_file_are_refused() {
+    let folder = good();
+    let path = folder.path().join("detections.safetensors");
+    let mut file = partpose::formats::read_detections(&path).unwrap();
+    file.images = vec!["x/scene.png".to_owned(), "x_scene.jpg".to_owned()];
+    partpose::formats::write_detections(&path, &file).unwrap();
+    let said = fit(folder.path());
+    assert!(said.contains("x/scene.png") && said.contains("x_scene.jpg"), "{said}");
+    assert!(said.ends_with("--- exit 2\n") && !folder.path().join("out").exists(), "{said}");
+}
+
+#[test]
+fn flags_that_make_no_sense_are_refused() {
+    let folder = good();
+    let base = [
+        "fit",
+        "--detections",
+        "detections.safetensors",
+        "--camera",
+        "camera.toml",
+        "--zoo",
+        "zoo",
+        "--out",
+        "out",
+    ];
+    for more in [
+        ["--min-score", "nan"],
+        ["--extent", "1e300,1,1"],
+        ["--extent", "1,2"],
+        ["--filters", "none,sp"],
+        ["--small-part", "2"],
+        ["--border", "4294967295"],
+    ] {
+        let said = run(folder.path(), &[&base[..], &more[..]].concat());
+        assert!(said.contains("error:") && said.ends_with("--- exit 2\n"), "{more:?}: {said}");
+    }
+}
+
+#[test]
+fn folder_that_is_a_file_is_told_before_the_work() {
+    let folder = good();
+    fs::write(folder.path().join("out"), "a file").unwrap();
+    let said = fit(folder.path());
+    assert!(said.contains("`out`") && said.ends_with("--- exit 2\n"), "{said}");
+}
+
+#[test]
+fn folds_need_a_zoo_each() {
+    let folder = good();
+    let arguments = [
+        "evaluate",
+        "poses",
+        "--dataset",
+        "d",
+        "--zoo",
+        "zoo",
+        "--oracle",
+        "--fold",
+        "all/4",
+        "--out",
+        "out",
+    ];
+    let said = run(folder.path(), &arguments);
+    assert!(said.contains("{fold}") && said.ends_with("--- exit 2\n"), "{said}");
 }

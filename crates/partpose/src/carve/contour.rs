@@ -37,6 +37,19 @@ pub(super) struct ContourOptions {
     pub(super) unit_resolution: f64,
 }
 
+impl Default for ContourOptions {
+    fn default() -> Self {
+        Self {
+            rounds: 6,
+            reach: 0.08,
+            stiffness: 1.0,
+            membrane_rounds: 32,
+            membrane_weight: 2.0,
+            unit_resolution: 40.0,
+        }
+    }
+}
+
 /// One offset seen by one view at one outline edge.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Offset {

@@ -172,22 +172,27 @@ fn accuracy(
     mask.agreement(&oracle.vehicle_mask(vehicle, &detection.bounds))
 }
 
-/// The strength of degradation at which the mean pixel accuracy over the vehicles of some frames meets `target`.
+/// The strength of degradation at which the mean pixel accuracy over the vehicles of some frames is nearest to
+/// `target`, and the accuracy it gives; `None` without a vehicle. Frames that cannot be read are left out.
 pub fn calibrate(
     frames: &[Frame],
     options: &EvaluationOptions,
     configuration: &Configuration,
     target: f64,
     seed: u64,
-) -> Result<f64, DatasetError> {
-    let oracles = frames
+) -> Option<(f64, f64)> {
+    let oracles: Vec<(&Frame, Vec<usize>, Oracle)> = frames
         .par_iter()
         .map(|frame| (frame, included(frame, options)))
         .filter(|(_, vehicles)| !vehicles.is_empty())
-        .map(|(frame, vehicles)| {
-            Ok((frame, vehicles, Oracle::new(frame, frame.read_parts()?, options.zoo)))
+        .filter_map(|(frame, vehicles)| {
+            let oracle = Oracle::new(frame, frame.read_parts().ok()?, options.zoo);
+            Some((frame, vehicles, oracle))
         })
-        .collect::<Result<Vec<_>, DatasetError>>()?;
+        .collect();
+    if oracles.is_empty() {
+        return None;
+    }
     let mean_accuracy = |strength: f64| {
         let oracle_options = OracleOptions {
             kernel: configuration.kernel,
@@ -206,5 +211,6 @@ pub fn calibrate(
             .collect();
         accuracies.iter().sum::<f64>() / accuracies.len().max(1) as f64
     };
-    Ok(strength_for_accuracy(mean_accuracy, target))
+    let strength = strength_for_accuracy(mean_accuracy, target);
+    Some((strength, mean_accuracy(strength)))
 }

@@ -14,6 +14,8 @@ const PAIRS: [(&str, Center2d, Center3d); 2] = [
 ];
 
 /// The rows of Tables III, IV and V in their order, for the paper's solver or another in `base`.
+///
+/// The filters of `base` are those of Table V's last row; III and IV have none.
 pub fn paper_configurations(base: &PoseOptions) -> Vec<Configuration> {
     let mut rows = Vec::new();
     for (table, scaling) in [("III", Scaling::Bilinear), ("IV", Scaling::Nearest)] {
@@ -26,11 +28,11 @@ pub fn paper_configurations(base: &PoseOptions) -> Vec<Configuration> {
             }
         }
     }
-    let without_border = PartFilters { image_border: None, ..PartFilters::ALL };
+    let without_border = PartFilters { image_border: None, ..base.filters };
     let tuned = [
         ("baseline", PartFilters::default()),
         ("-SP +BL +WL", without_border),
-        ("-SP +BL +WL +CFIX", PartFilters::ALL),
+        ("-SP +BL +WL +CFIX", base.filters),
     ];
     for (step, filters) in tuned {
         let pose = PoseOptions {

@@ -1,7 +1,7 @@
 //! Detections as safetensors: the seam between any detector and the pose stage.
 //!
-//! Tensors `boxes [N, 4]`, `scores [N]`, `part_probabilities [N, 30, m, m]`, optionally `unknown [N, m, m]` and
-//! `image [N]`; the metadata key `images` holds the image names as a JSON list. Boxes are `x_min, y_min, x_max, y_max` in
+//! Tensors `boxes [N, 4]`, `scores [N]`, `part_probabilities [N, 30, m, m]`, optionally `unknown [N, m, m]`,
+//! `extents [N, 3]` and `image [N]`; the metadata key `images` holds the image names as a JSON list. Boxes are `x_min, y_min, x_max, y_max` in
 //! pixels with pixel centres at integers; the metadata `pixel_origin = "corner"` says that 0 is the first pixel's edge,
 //! as in torchvision and Ultralytics.
 
@@ -13,7 +13,7 @@ use safetensors::{Dtype, SafeTensors};
 
 use crate::detection::Detection;
 use crate::files::{self, FileError};
-use crate::geometry::Rect;
+use crate::geometry::{Extent, Rect};
 use crate::parts::{CHANNELS, PartProbabilities, ProbabilityError};
 
 /// Largest kernel that is believed.
@@ -73,6 +73,8 @@ pub struct DetectionFile {
     pub images: Vec<String>,
     /// Each with the index of its image, in the order of the file.
     pub detections: Vec<(usize, Detection)>,
+    /// The sizes of the vehicles where they are known, one a detection.
+    pub extents: Option<Vec<Extent>>,
 }
 
 /// Reads a file of detections.
@@ -103,6 +105,7 @@ pub fn read_detections(path: &Path) -> Result<DetectionFile, DetectionFileError>
         }
         None => None,
     };
+    let extents = read_extents(&reader, count)?;
     let images = image_names(&reader, &metadata)?;
     let image_of = reader.image_indices(count, images.len())?;
     let shift = match metadata.get("pixel_origin").map(String::as_str) {
@@ -123,7 +126,7 @@ pub fn read_detections(path: &Path) -> Result<DetectionFile, DetectionFileError>
         let wrong =
             |reason: String| DetectionFileError::Detection { path: path.to_owned(), index, reason };
         if !b.iter().all(|value| value.is_finite() && value.abs() < 1e6) {
-            return Err(wrong(format!("has the box {b:?}")));
+            return Err(wrong(format!("has the box {b:?}, which is not four sensible numbers")));
         }
         if bounds.width() <= 0.0 || bounds.height() <= 0.0 {
             return Err(wrong(format!(
@@ -144,7 +147,7 @@ pub fn read_detections(path: &Path) -> Result<DetectionFile, DetectionFileError>
         }
         detections.push((image_of[index], Detection { bounds, score, probabilities, unknown }));
     }
-    Ok(DetectionFile { images, detections })
+    Ok(DetectionFile { images, detections, extents })
 }
 
 /// Writes detections so that [`read_detections`] gives them back; all kernels must have one size.
@@ -167,6 +170,8 @@ pub fn write_detections(path: &Path, file: &DetectionFile) -> Result<(), Detecti
     let known = vec![0.0; m * m];
     let unknown =
         bytes(&mut all().flat_map(|d| d.unknown.as_ref().unwrap_or(&known).iter().copied()));
+    let sides = file.extents.iter().flatten().flat_map(|e| [e.width, e.height, e.length]);
+    let extents = bytes(&mut sides.map(|side| side as f32));
     let image: Vec<u8> =
         file.detections.iter().flat_map(|(index, _)| (*index as i64).to_le_bytes()).collect();
     let view = |dtype, shape: &[usize], bytes| {
@@ -181,11 +186,36 @@ pub fn write_detections(path: &Path, file: &DetectionFile) -> Result<(), Detecti
     if all().any(|d| d.unknown.is_some()) {
         tensors.push(("unknown", view(Dtype::F32, &[count, m, m], &unknown)));
     }
+    if file.extents.is_some() {
+        tensors.push(("extents", view(Dtype::F32, &[count, 3], &extents)));
+    }
     let names = serde_json::to_string(&file.images).expect("a list of texts is JSON");
     let metadata = HashMap::from([("images".to_owned(), names)]);
     let bytes = safetensors::serialize(tensors, Some(metadata))
         .map_err(|source| DetectionFileError::Container { path: path.to_owned(), source })?;
     Ok(files::write(path, &bytes)?)
+}
+
+/// Largest side of a vehicle that is believed, metres.
+const MAX_SIDE: f32 = 100.0;
+
+fn read_extents(reader: &Reader, count: usize) -> Result<Option<Vec<Extent>>, DetectionFileError> {
+    let Some((shape, values)) = reader.optional("extents")? else { return Ok(None) };
+    reader.expect_shape("extents", &shape, &[count, 3])?;
+    let believed = |side: &f32| *side > 0.0 && *side <= MAX_SIDE;
+    if let Some(at) = values.iter().position(|side| !believed(side)) {
+        let reason = format!("has the extent {:?}", &values[at / 3 * 3..at / 3 * 3 + 3]);
+        return Err(DetectionFileError::Detection {
+            path: reader.path.to_owned(),
+            index: at / 3,
+            reason,
+        });
+    }
+    let extent = |sides: &[f32]| {
+        let [width, height, length] = [sides[0], sides[1], sides[2]].map(f64::from);
+        Extent::new(width, height, length)
+    };
+    Ok(Some(values.chunks_exact(3).map(extent).collect()))
 }
 
 fn image_names(
@@ -277,7 +307,7 @@ impl Reader<'_> {
             .iter()
             .map(|index| {
                 valid(index).ok_or_else(|| {
-                    let reason = format!("holds {index}, but there are {images} images");
+                    let reason = format!("holds {index}, but there are {images} image names");
                     self.tensor_error("image", reason)
                 })
             })
@@ -312,6 +342,7 @@ mod tests {
                 (1, detection(1.0, Some(vec![0.0, 0.5, 1.0, 0.0]))),
                 (0, detection(7.5, Some(vec![0.0; 4]))),
             ],
+            extents: Some(vec![Extent::new(1.75, 1.5, 4.5), Extent::new(2.0, 1.25, 4.0)]),
         }
     }
 
@@ -343,7 +374,7 @@ mod tests {
         let mut bad = file();
         bad.detections[0].0 = 9;
         let error = read_bytes(&bytes_of(&bad)).unwrap_err().to_string();
-        assert!(error.contains("tensor `image` holds 9, but there are 2 images"), "{error}");
+        assert!(error.contains("tensor `image` holds 9, but there are 2 image names"), "{error}");
     }
 
     proptest! {

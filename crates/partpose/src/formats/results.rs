@@ -3,9 +3,9 @@
 use serde::Serialize;
 
 use crate::detection::Detection;
-use crate::geometry::{Camera, EulerAngles, Extent};
+use crate::geometry::{Camera, EulerAngles, Extent, Pose};
 use crate::parts::PartClass;
-use crate::pose::{Candidate, NoPose, PoseEstimate};
+use crate::pose::{Candidate, NoPose, PoseEstimate, PoseOptions};
 
 /// All detections of one image, with poses or with reasons.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -14,8 +14,23 @@ pub struct ImageResult {
     pub image: String,
     /// The camera the poses refer to.
     pub camera: Camera,
+    /// How the poses were found.
+    pub settings: ResultSettings,
     /// In the order of the detections.
     pub vehicles: Vec<VehicleResult>,
+}
+
+/// What a result depends on besides its detections.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ResultSettings {
+    /// Version of `partpose`.
+    pub version: &'static str,
+    /// The zoo, as it was given.
+    pub zoo: String,
+    /// Where sizes came from, in words.
+    pub extent: String,
+    /// The pose stage.
+    pub pose: PoseOptions,
 }
 
 /// One detection with its pose, or with the reason why there is none.
@@ -48,10 +63,24 @@ pub struct PoseResult {
     pub extent: Extent,
     /// Root mean square reprojection error, pixels.
     pub reprojection_rmse: f64,
+    /// Another pose that explains the same points nearly as well: nearly flat parts leave two.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alternative: Option<AlternativeResult>,
     /// What the pose rests on.
     pub correspondences: Vec<CorrespondenceResult>,
     /// How each model of the zoo fared.
     pub candidates: Vec<CandidateResult>,
+}
+
+/// A second pose as JSON.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AlternativeResult {
+    /// Bottom-face centre in the camera frame, metres.
+    pub translation: [f64; 3],
+    /// Rows of the rotation that takes the vehicle frame to the camera frame.
+    pub rotation: [[f64; 3]; 3],
+    /// Root mean square reprojection error, pixels.
+    pub reprojection_rmse: f64,
 }
 
 /// A correspondence as JSON.
@@ -74,9 +103,9 @@ pub struct CorrespondenceResult {
 pub struct CandidateResult {
     /// Name of the model.
     pub model: String,
-    /// Root mean square reprojection error, pixels.
+    /// What models are compared by, pixels: the reprojection error, where an outlier counts as far as its threshold.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub reprojection_rmse: Option<f64>,
+    pub error: Option<f64>,
     /// Why there is no pose.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub no_pose: Option<String>,
@@ -86,6 +115,7 @@ pub struct CandidateResult {
 pub fn image_result(
     image: &str,
     camera: &Camera,
+    settings: &ResultSettings,
     estimated: &[(Detection, Result<PoseEstimate, NoPose>)],
 ) -> ImageResult {
     let vehicle =
@@ -99,24 +129,29 @@ pub fn image_result(
             no_pose: outcome.as_ref().err().map(ToString::to_string),
         };
     let vehicles = estimated.iter().map(vehicle).collect();
-    ImageResult { image: image.to_owned(), camera: *camera, vehicles }
+    ImageResult { image: image.to_owned(), camera: *camera, settings: settings.clone(), vehicles }
 }
 
 fn pose_result(estimate: &PoseEstimate) -> PoseResult {
-    let rotation = estimate.camera_from_vehicle.rotation.to_rotation_matrix();
-    let m = rotation.matrix();
+    let (translation, rotation) = placed(&estimate.camera_from_vehicle);
+    let angles = estimate.camera_from_vehicle.rotation.to_rotation_matrix();
     let candidate = |candidate: &Candidate| CandidateResult {
         model: candidate.model.clone(),
-        reprojection_rmse: candidate.outcome.as_ref().ok().copied(),
+        error: candidate.outcome.as_ref().ok().copied(),
         no_pose: candidate.outcome.as_ref().err().map(ToString::to_string),
     };
     PoseResult {
         model: estimate.model.clone(),
-        translation: estimate.camera_from_vehicle.translation.vector.into(),
-        rotation: std::array::from_fn(|row| std::array::from_fn(|column| m[(row, column)])),
-        euler_angles: EulerAngles::from_rotation(&rotation),
+        translation,
+        rotation,
+        euler_angles: EulerAngles::from_rotation(&angles),
         extent: estimate.extent,
         reprojection_rmse: estimate.reprojection_rmse,
+        alternative: estimate.alternative.as_ref().map(|alternative| {
+            let (translation, rotation) = placed(&alternative.camera_from_vehicle);
+            let reprojection_rmse = alternative.reprojection_rmse;
+            AlternativeResult { translation, rotation, reprojection_rmse }
+        }),
         correspondences: estimate
             .correspondences
             .iter()
@@ -130,4 +165,12 @@ fn pose_result(estimate: &PoseEstimate) -> PoseResult {
             .collect(),
         candidates: estimate.candidates.iter().map(candidate).collect(),
     }
+}
+
+/// Translation, and the rows of the rotation.
+fn placed(camera_from_vehicle: &Pose) -> ([f64; 3], [[f64; 3]; 3]) {
+    let rotation = camera_from_vehicle.rotation.to_rotation_matrix();
+    let m = rotation.matrix();
+    let rows = std::array::from_fn(|row| std::array::from_fn(|column| m[(row, column)]));
+    (camera_from_vehicle.translation.vector.into(), rows)
 }

@@ -5,17 +5,16 @@ use serde::{Deserialize, Serialize};
 use crate::detection::Detection;
 use crate::geometry::{Camera, Cuboid, Extent, Point2, Point3, Pose, Rect, Vector3, wrap_angle};
 use crate::parts::{PartClass, PartMap, Scaling};
-use crate::pnp::{
-    self, Correspondence, Loss, PnpError, RansacOptions, RefineOptions, WeightedCorrespondence,
-};
+use crate::pnp::PnpError;
 use crate::render::LabelRenderer;
 use crate::vehicle::{Mesh, ModelZoo};
 
+use super::fit::{self, Fit, Problem};
 use super::visible::{self, View, Viewpoint};
-use super::{Center2d, Center3d, PartEvidence, PartFilters, model_centers, part_evidence};
+use super::{Center2d, Center3d, PartFilters, model_centers, part_evidence};
 
 /// Fewest correspondences that are fitted (paper, § III-D).
-const MIN_CORRESPONDENCES: usize = 4;
+pub(super) const MIN_CORRESPONDENCES: usize = 4;
 /// Rounds of drawing the model at its pose and solving again.
 const VISIBLE_ROUNDS: usize = 4;
 /// Viewpoints of the table that are followed up for each model.
@@ -115,8 +114,18 @@ pub struct PartCorrespondence {
 pub struct Candidate {
     /// Name of the model.
     pub model: String,
-    /// Root mean square reprojection error in pixels, or why there is no pose.
+    /// What models are compared by, or why there is no pose: the root mean square reprojection error in pixels, where
+    /// an outlier of RANSAC counts as far as its threshold.
     pub outcome: Result<f64, NoPose>,
+}
+
+/// Another pose that explains the same correspondences nearly as well.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Alternative {
+    /// The pose.
+    pub camera_from_vehicle: Pose,
+    /// As [`PoseEstimate::reprojection_rmse`].
+    pub reprojection_rmse: f64,
 }
 
 /// A vehicle's pose, size and model.
@@ -134,6 +143,8 @@ pub struct PoseEstimate {
     pub scale: Vector3,
     /// Root mean square distance of projections and centres over the inliers, pixels.
     pub reprojection_rmse: f64,
+    /// The pose on the other side of the ambiguity that nearly flat parts leave, where it fits almost as well.
+    pub alternative: Option<Alternative>,
     /// What was used.
     pub correspondences: Vec<PartCorrespondence>,
     /// All models in the order of the zoo.
@@ -163,6 +174,9 @@ pub enum NoPose {
     /// The box has no area.
     #[error("the box of the detection is empty")]
     EmptyBox,
+    /// The box shows nothing of the image.
+    #[error("the box of the detection lies outside the image")]
+    OutsideImage,
     /// The zoo has no model.
     #[error("there is no model to fit")]
     NoModel,
@@ -186,24 +200,6 @@ pub struct PoseEstimator {
     models: Vec<ModelEntry>,
 }
 
-/// One model's fit.
-struct Fit {
-    camera_from_vehicle: Pose,
-    /// Over the inliers.
-    rmse: f64,
-    /// What models are compared by: the same, with outliers at the threshold that makes them outliers.
-    error: f64,
-    correspondences: Vec<(PartClass, Correspondence)>,
-    inliers: Vec<bool>,
-}
-
-/// One detection as every model sees it.
-struct Problem<'a> {
-    camera: &'a Camera,
-    detection: &'a Detection,
-    parts: PartMap<PartEvidence>,
-}
-
 impl PoseEstimator {
     /// Computes the tables of all models.
     pub fn new(zoo: &ModelZoo, options: &PoseOptions) -> Self {
@@ -211,7 +207,7 @@ impl PoseEstimator {
             name: model.name().to_owned(),
             extent: model.extent(),
             mesh: model.mesh().clone(),
-            is_closed: model.mesh().is_closed(),
+            is_closed: model.mesh().is_closed() && model.mesh().volume() > 0.0,
             centers: model_centers(model, options.center_3d),
             viewpoints: match options.center_3d {
                 Center3d::Visible => visible::viewpoint_table(model, options.center_2d),
@@ -235,6 +231,9 @@ impl PoseEstimator {
     ) -> Result<PoseEstimate, NoPose> {
         if detection.bounds.area() <= 0.0 {
             return Err(NoPose::EmptyBox);
+        }
+        if detection.bounds.intersection(&camera.image_rect()).is_none() {
+            return Err(NoPose::OutsideImage);
         }
         let mask = detection.part_mask(camera.size, self.options.scaling);
         let mut parts = part_evidence(&mask, self.options.center_2d);
@@ -264,11 +263,12 @@ impl PoseEstimator {
         let best = best.ok_or(NoPose::NoModel)?;
         let candidates = self.models.iter().zip(&fits).map(|(model, fit)| Candidate {
             model: model.name.clone(),
-            outcome: fit.as_ref().map(|fit| fit.rmse).map_err(NoPose::clone),
+            outcome: fit.as_ref().map(|fit| fit.error).map_err(NoPose::clone),
         });
         let candidates = candidates.collect();
         let fit = fits.into_iter().nth(best).ok_or(NoPose::NoModel)??;
         let model = &self.models[best];
+        let alternative = fit::alternative(&fit, camera);
         let scale = extent.scale(&model.extent);
         let size = model.extent.to_vector().component_mul(&scale);
         let correspondences =
@@ -290,6 +290,7 @@ impl PoseEstimator {
             extent: Extent::new(size.x, size.y, size.z),
             scale,
             reprojection_rmse: fit.rmse,
+            alternative,
             correspondences: correspondences.collect(),
             candidates,
         })
@@ -303,14 +304,14 @@ impl PoseEstimator {
         renderer: &mut LabelRenderer,
     ) -> Result<Fit, NoPose> {
         let scaled = model.centers.map(|_, center| scaled_point(center, &scale));
-        let fixed = self.solve(problem, &scaled);
+        let fixed = fit::solve(problem, &scaled, &self.options);
         if self.options.center_3d != Center3d::Visible {
             return fixed;
         }
         let mut best = Err(NoPose::TooFewCorrespondences { found: 0 });
         for start in self.visible_starts(model, problem, &scale, fixed.as_ref().ok()) {
             let refined = self.follow_visible(model, problem, &scale, start, renderer);
-            best = better(best, refined);
+            best = fit::better(best, refined);
         }
         // Without any viewpoint that works the fixed centres are better than nothing.
         best.or(fixed)
@@ -329,7 +330,7 @@ impl PoseEstimator {
             let mut points = viewpoint.parts.clone();
             points.retain(|_, (_, share)| *share > MIN_VISIBLE_SHARE);
             let points = points.map(|_, (point, _)| scaled_point(point, scale));
-            let Ok(fit) = self.solve(problem, &points) else { continue };
+            let Ok(fit) = fit::solve(problem, &points, &self.options) else { continue };
             let turn = wrap_angle(visible::azimuth(&fit.camera_from_vehicle) - viewpoint.azimuth);
             if turn.abs() < VIEWPOINT_TOLERANCE {
                 starts.push((fit.score(), fit.camera_from_vehicle));
@@ -369,7 +370,7 @@ impl PoseEstimator {
             let seen =
                 visible::visible_parts(&view, &window, self.options.center_2d, known, renderer);
             let points = seen.map(|_, part| part.point_in_vehicle);
-            let fit = match self.solve(problem, &points) {
+            let fit = match fit::solve(problem, &points, &self.options) {
                 Ok(fit) => fit,
                 Err(reason) => return best.or(Err(reason)),
             };
@@ -377,102 +378,15 @@ impl PoseEstimator {
                 - camera_from_vehicle.translation.vector)
                 .norm();
             camera_from_vehicle = fit.camera_from_vehicle;
-            best = better(best, Ok(fit));
+            best = fit::better(best, Ok(fit));
             if moved < 1e-3 * camera_from_vehicle.translation.vector.norm() {
                 break;
             }
         }
         best
     }
-
-    /// PnP on the parts that mask and model share.
-    fn solve(&self, problem: &Problem, points: &PartMap<Point3>) -> Result<Fit, NoPose> {
-        let pairs: Vec<(PartClass, Correspondence)> = problem
-            .parts
-            .zip(points)
-            .map(|(class, part, point)| {
-                (class, Correspondence { point_in_image: part.center, point_in_object: *point })
-            })
-            .collect();
-        if pairs.len() < MIN_CORRESPONDENCES {
-            return Err(NoPose::TooFewCorrespondences { found: pairs.len() });
-        }
-        let correspondences: Vec<Correspondence> = pairs.iter().map(|(_, c)| *c).collect();
-        let camera = problem.camera;
-        let mut inliers = vec![true; pairs.len()];
-        let mut pose = match self.options.method {
-            PnpMethod::Epnp => pnp::epnp(&correspondences, camera)?,
-            PnpMethod::Sqpnp => {
-                let minima = pnp::sqpnp(&correspondences, camera)?;
-                minima.first().ok_or(PnpError::BehindCamera)?.pose
-            }
-            PnpMethod::Ransac => {
-                let options = RansacOptions { seed: self.options.seed, ..Default::default() };
-                let solution = pnp::ransac(&correspondences, camera, &options)?;
-                inliers = solution.inliers;
-                solution.refinement.pose
-            }
-        };
-        if self.options.refine {
-            pose = refine(problem, &pairs, &inliers, &pose)?;
-        }
-        let used: Vec<Correspondence> = correspondences
-            .iter()
-            .zip(&inliers)
-            .filter(|(_, inlier)| **inlier)
-            .map(|(c, _)| *c)
-            .collect();
-        let rmse = pnp::reprojection_rmse(&used, camera, &pose)?;
-        let (n, outliers) = (correspondences.len() as f64, correspondences.len() - used.len());
-        let limit = RansacOptions::default().threshold;
-        let squares = rmse * rmse * used.len() as f64 + limit * limit * outliers as f64;
-        let error = (squares / n).sqrt();
-        Ok(Fit { camera_from_vehicle: pose, rmse, error, correspondences: pairs, inliers })
-    }
-}
-
-impl Fit {
-    /// Error per degree of freedom: fits of few points must not win by their few points.
-    fn score(&self) -> f64 {
-        let n = self.correspondences.len() as f64;
-        self.error * (n / (n - 2.5)).sqrt()
-    }
-}
-
-fn better(a: Result<Fit, NoPose>, b: Result<Fit, NoPose>) -> Result<Fit, NoPose> {
-    match (a, b) {
-        (Ok(a), Ok(b)) => Ok(if b.score() < a.score() { b } else { a }),
-        (Ok(fit), Err(_)) | (Err(_), Ok(fit)) => Ok(fit),
-        (Err(reason), Err(_)) => Err(reason),
-    }
 }
 
 fn scaled_point(point: &Point3, scale: &Vector3) -> Point3 {
     Point3::from(point.coords.component_mul(scale))
-}
-
-/// Levenberg-Marquardt where each part's covariance grows with its spread in the image.
-fn refine(
-    problem: &Problem,
-    pairs: &[(PartClass, Correspondence)],
-    inliers: &[bool],
-    start: &Pose,
-) -> Result<Pose, NoPose> {
-    // Errors of a centre on ground-truth masks: half a pixel, and a share of the part's own spread.
-    const PIXEL_VARIANCE: f64 = 0.25;
-    const SPREAD: f64 = 0.1;
-    let weighted: Vec<WeightedCorrespondence> = pairs
-        .iter()
-        .zip(inliers)
-        .filter(|(_, inlier)| **inlier)
-        .map(|((class, correspondence), _)| {
-            let scatter =
-                problem.parts.get(*class).map_or(nalgebra::Matrix2::identity(), |p| p.scatter);
-            let covariance =
-                nalgebra::Matrix2::identity() * PIXEL_VARIANCE + scatter * (SPREAD * SPREAD);
-            WeightedCorrespondence { correspondence: *correspondence, covariance }
-        })
-        .collect();
-    let options = RefineOptions { loss: Loss::Huber { scale: 2.0 }, ..Default::default() };
-    Ok(pnp::refine_weighted(&weighted, problem.camera, start, &options)?.pose)
 }

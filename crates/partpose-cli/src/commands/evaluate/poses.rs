@@ -1,29 +1,26 @@
 //! `partpose evaluate poses`: the paper's Tables III to V, or one configuration.
 
+mod frames;
 mod output;
+mod pictures;
+mod rows;
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use partpose::dataset::folds::{Fold, Folds};
-use partpose::dataset::{Dataset, Frame, SequenceId};
+use partpose::dataset::folds::Folds;
+use partpose::dataset::{Dataset, Frame};
 use partpose::eval::{
-    Configuration, EvaluationOptions, Stratum, TruthExtent, VehicleOutcome, calibrate,
-    evaluate_frames, paper_configurations,
+    Configuration, EvaluationOptions, Stratum, TruthExtent, VehicleOutcome, evaluate_frames,
 };
 use partpose::files;
-use partpose::oracle::{Degradation, OracleBox};
-use partpose::parts::Scaling;
-use partpose::pose::{Center2d, Center3d, PartFilters, PoseOptions};
+use partpose::oracle::OracleBox;
 use partpose::vehicle::ModelZoo;
 
-use crate::commands::result_files::{self, Pictured};
 use crate::pose_flags::PoseFlags;
 use crate::progress;
 use crate::report::{Outcome, hint, warn};
-
-/// Vehicles that the strength of degradation is found on.
-const CALIBRATION_FRAMES: usize = 60;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
@@ -33,8 +30,8 @@ pub(crate) struct Arguments {
     /// Worlds, separated by commas; all if not given
     #[arg(long, value_delimiter = ',')]
     worlds: Vec<String>,
-    /// Variations, separated by commas
-    #[arg(long, value_delimiter = ',', default_value = "clone")]
+    /// Variations, separated by commas; `clone` if not given, or all where there is none of that name
+    #[arg(long, value_delimiter = ',')]
     variations: Vec<String>,
     /// Score the tracks of fold I of K alone; `all/K` scores every fold, each with its own zoo
     #[arg(long, value_name = "I/K")]
@@ -61,7 +58,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value = "truth")]
     extent: ExtentFlag,
     /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["kernel", "scaling", "refine", "points_2d", "points_3d", "filters"])]
     tables: bool,
     /// Draw this many frames, evenly spread, under the last configuration
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -122,7 +119,13 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             "add `--oracle` to make them from the ground truth",
         ));
     }
-    let evaluated = evaluate(arguments)?;
+    let folds = frames::folds(arguments)?;
+    let dataset = Dataset::open(&arguments.dataset)?;
+    let zoos: Vec<ModelZoo> = folds
+        .iter()
+        .map(|fold| ModelZoo::load(&frames::zoo_path(arguments, *fold)))
+        .collect::<Result<_, _>>()?;
+    let evaluated = evaluate(arguments, &dataset, &folds, &zoos)?;
     if evaluated.rows[0].is_empty() {
         return Err(hint(
             anyhow::anyhow!("no vehicle was evaluated"),
@@ -134,108 +137,89 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(if evaluated.skipped == 0 { Outcome::Done } else { Outcome::Skipped })
 }
 
-fn evaluate(arguments: &Arguments) -> anyhow::Result<Evaluated> {
-    let dataset = Dataset::open(&arguments.dataset)?;
-    let sequences = dataset.select(&arguments.worlds, &arguments.variations)?;
-    let mut configurations = configurations(arguments);
-    let mut skipped = 0;
-    let frames = frames(&dataset, &sequences, arguments.stride, &mut skipped)?;
-    let mut rows: Vec<Vec<Row>> = configurations.iter().map(|_| Vec::new()).collect();
+fn evaluate(
+    arguments: &Arguments,
+    dataset: &Dataset,
+    folds: &[Option<partpose::dataset::folds::Fold>],
+    zoos: &[ModelZoo],
+) -> anyhow::Result<Evaluated> {
+    let sequences = frames::sequences(arguments, dataset)?;
+    let (frames, mut skipped) = frames::read(dataset, &sequences, arguments.stride)?;
+    // Nothing is written before the end; what cannot be written to is told now.
+    files::create_folder(&arguments.out)?;
+    let mut configurations = rows::configurations(arguments);
+    if let Some(target) = arguments.degrade {
+        let options = options(arguments, &zoos[0], &|_, _| true, &|_, _| false);
+        rows::degrade(&mut configurations, &frames, &options, target, arguments.pose.seed)?;
+    }
     let last = configurations.len() - 1;
-    let drawn = drawn_frames(&frames, arguments.pictures);
-    let scaling = configurations[last].pose.scaling;
-    for fold in folds(arguments)? {
-        let zoo = ModelZoo::load(&zoo_path(arguments, fold))?;
-        let folds = match fold {
-            Some(fold) => Some((fold, Folds::of(&dataset, &sequences, fold.count)?)),
+    let mut pictures = pictures::Pictures::new(&frames, arguments.pictures);
+    let mut rows: Vec<Vec<Row>> = configurations.iter().map(|_| Vec::new()).collect();
+    let mut unreadable = BTreeSet::new();
+    for (fold, zoo) in folds.iter().zip(zoos) {
+        let dealt = match fold {
+            Some(fold) => Some((*fold, Folds::of(dataset, &sequences, fold.count)?)),
             None => None,
         };
-        let include = |frame: &Frame, vehicle: usize| match (&folds, frame.vehicles[vehicle].track)
+        let include = |frame: &Frame, vehicle: usize| match (&dealt, frame.vehicles[vehicle].track)
         {
             (Some((fold, folds)), Some(track)) => folds.contains(*fold, &frame.sequence, track),
             (Some(_), None) => false,
             (None, _) => true,
         };
-        let options = EvaluationOptions {
-            zoo: &zoo,
-            extent: match arguments.extent {
-                ExtentFlag::Truth => TruthExtent::PerAxis,
-                ExtentFlag::TruthUniform => TruthExtent::Uniform,
-                ExtentFlag::Model => TruthExtent::None,
-            },
-            bounds: match arguments.bounds {
-                BoxFlag::Annotated => OracleBox::Annotated,
-                BoxFlag::Tight => OracleBox::Tight,
-            },
-            include: &include,
-            keep_detections: &|frame, index| index == last && drawn.contains(&frame.name()),
-        };
-        if let Some(target) = arguments.degrade
-            && configurations.iter().any(|configuration| configuration.degradation.is_none())
-        {
-            set_degradation(&mut configurations, &frames, &options, target, arguments.pose.seed)?;
-        }
+        let keep = |frame: &Frame, index: usize| index == last && pictures.shows(frame);
+        let options = options(arguments, zoo, &include, &keep);
         let bar = progress::bar("frames", frames.len() as u64);
         let outcomes = evaluate_frames(&frames, &options, &configurations, &|| bar.inc(1));
         bar.finish_and_clear();
         for (frame, outcome) in frames.iter().zip(outcomes) {
             match outcome {
                 Ok(outcome) => {
-                    if drawn.contains(&frame.name()) {
-                        draw(arguments, frame, (&zoo, scaling), &outcome[last])?;
-                    }
                     for (rows, outcomes) in rows.iter_mut().zip(outcome) {
-                        rows.extend(outcomes.into_iter().map(|outcome| row(frame, outcome)));
+                        for mut outcome in outcomes {
+                            let detection = outcome.detection.take();
+                            pictures.add(frame, zoo, detection, &outcome);
+                            rows.push(row(frame, outcome));
+                        }
                     }
                 }
                 Err(error) => {
-                    warn(format_args!("skipped frame {}: {error}", frame.name()));
-                    skipped += 1;
+                    if unreadable.insert(frame.name()) {
+                        let error = anyhow::Error::new(error);
+                        warn(format_args!("skipped frame {}: {error:#}", frame.name()));
+                    }
                 }
             }
         }
     }
+    skipped += unreadable.len() + pictures.write(arguments)?;
     Ok(Evaluated { configurations, rows, skipped })
 }
 
-/// The names of `count` frames with vehicles, evenly spread.
-fn drawn_frames(frames: &[Frame], count: usize) -> Vec<String> {
-    let shown: Vec<&Frame> =
-        frames.iter().filter(|frame| frame.vehicles.iter().any(|v| !v.dont_care)).collect();
-    let step = shown.len().div_ceil(count.max(1)).max(1);
-    shown.into_iter().step_by(step).take(count).map(Frame::name).collect()
-}
-
-fn draw(
+fn options<'a>(
     arguments: &Arguments,
-    frame: &Frame,
-    (zoo, scaling): (&ModelZoo, Scaling),
-    outcomes: &[VehicleOutcome],
-) -> anyhow::Result<()> {
-    let pictured: Vec<Pictured> = outcomes
-        .iter()
-        .filter_map(|outcome| {
-            Some(Pictured {
-                detection: outcome.detection.as_ref()?,
-                estimate: outcome.estimate.as_ref().ok(),
-                truth: Some(frame.vehicles[outcome.vehicle].cuboid),
-            })
-        })
-        .collect();
-    if pictured.is_empty() {
-        return Ok(());
+    zoo: &'a ModelZoo,
+    include: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
+    keep_detections: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
+) -> EvaluationOptions<'a> {
+    EvaluationOptions {
+        zoo,
+        extent: match arguments.extent {
+            ExtentFlag::Truth => TruthExtent::PerAxis,
+            ExtentFlag::TruthUniform => TruthExtent::Uniform,
+            ExtentFlag::Model => TruthExtent::None,
+        },
+        bounds: match arguments.bounds {
+            BoxFlag::Annotated => OracleBox::Annotated,
+            BoxFlag::Tight => OracleBox::Tight,
+        },
+        include,
+        keep_detections,
     }
-    let image = frame.image.as_deref().map(files::read_rgb).transpose()?;
-    let name = frame.name();
-    let picture =
-        result_files::picture(&name, &frame.camera, zoo, image.as_ref(), (&pictured, scaling));
-    let path = arguments.out.join("pictures").join(format!("{}.png", result_files::stem(&name)));
-    Ok(files::write_png(&path, &picture)?)
 }
 
-fn row(frame: &Frame, mut outcome: VehicleOutcome) -> Row {
+fn row(frame: &Frame, outcome: VehicleOutcome) -> Row {
     let label = &frame.vehicles[outcome.vehicle];
-    outcome.detection = None;
     Row {
         sequence: frame.sequence.to_string(),
         frame: frame.index,
@@ -248,91 +232,4 @@ fn row(frame: &Frame, mut outcome: VehicleOutcome) -> Row {
         },
         outcome,
     }
-}
-
-/// Every `stride`-th frame; what cannot be read is reported.
-fn frames(
-    dataset: &Dataset,
-    sequences: &[SequenceId],
-    stride: u32,
-    skipped: &mut usize,
-) -> anyhow::Result<Vec<Frame>> {
-    let mut frames = Vec::new();
-    for sequence in sequences {
-        let read = dataset.read(sequence)?;
-        read.problems.iter().for_each(|problem| warn(format_args!("{problem}")));
-        *skipped += read.skipped.len();
-        frames.extend(read.frames.into_iter().filter(|frame| frame.index % stride == 0));
-    }
-    if frames.iter().all(|frame| frame.parts.is_none()) {
-        return Err(hint(
-            anyhow::anyhow!("`{}` has no part masks for what was chosen", dataset.root().display()),
-            "the oracle reads `parts/<world>/<variation>/%05d.png`; `partpose dataset check DIR` tells what is there",
-        ));
-    }
-    frames.retain(|frame| frame.parts.is_some());
-    Ok(frames)
-}
-
-fn folds(arguments: &Arguments) -> anyhow::Result<Vec<Option<Fold>>> {
-    let Some(text) = &arguments.fold else { return Ok(vec![None]) };
-    if let Some(count) = text.strip_prefix("all/") {
-        let last = Fold::parse(&format!("{count}/{count}"))?;
-        return Ok((1..=last.count).map(|index| Some(Fold { index, count: last.count })).collect());
-    }
-    Ok(vec![Some(Fold::parse(text)?)])
-}
-
-fn zoo_path(arguments: &Arguments, fold: Option<Fold>) -> PathBuf {
-    let number = fold.map_or(String::new(), |fold| fold.index.to_string());
-    PathBuf::from(arguments.zoo.replace("{fold}", &number))
-}
-
-fn configurations(arguments: &Arguments) -> Vec<Configuration> {
-    let base = arguments.pose.options();
-    let kernel = arguments.kernel as usize;
-    if !arguments.tables {
-        let name = "as asked".to_owned();
-        return vec![Configuration { name, kernel, pose: base, degradation: None }];
-    }
-    let mut rows = paper_configurations(&base);
-    let all = PartFilters::ALL;
-    let more = [
-        ("CM / CM, all filters", Center2d::Mass, Center3d::Mass, false),
-        ("CM / visible, all filters", Center2d::Mass, Center3d::Visible, false),
-        ("CM / CM, all filters, LM", Center2d::Mass, Center3d::Mass, true),
-        ("CM / visible, all filters, LM", Center2d::Mass, Center3d::Visible, true),
-    ];
-    for kernel in [28, 56] {
-        for (name, center_2d, center_3d, refine) in more {
-            let pose = PoseOptions { center_2d, center_3d, filters: all, refine, ..base };
-            let name = format!("past: {kernel} {name}");
-            rows.push(Configuration { name, kernel, pose, degradation: None });
-        }
-    }
-    rows
-}
-
-/// Finds for each kernel size the strength that gives the accuracy asked for.
-fn set_degradation(
-    configurations: &mut [Configuration],
-    frames: &[Frame],
-    options: &EvaluationOptions,
-    target: f64,
-    seed: u64,
-) -> anyhow::Result<()> {
-    let step = frames.len().div_ceil(CALIBRATION_FRAMES).max(1);
-    let sample: Vec<Frame> = frames.iter().step_by(step).cloned().collect();
-    let mut found: Vec<(usize, f64)> = Vec::new();
-    for configuration in configurations {
-        let kernel = configuration.kernel;
-        let known = found.iter().find(|(size, _)| *size == kernel).map(|(_, strength)| *strength);
-        let strength = match known {
-            Some(strength) => strength,
-            None => calibrate(&sample, options, configuration, target, seed)?,
-        };
-        found.push((kernel, strength));
-        configuration.degradation = Some(Degradation { strength, seed });
-    }
-    Ok(())
 }

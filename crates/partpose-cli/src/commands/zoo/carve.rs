@@ -1,8 +1,11 @@
 //! `partpose zoo carve`: builds annotated models from part masks with known poses.
 
-use std::path::PathBuf;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
 
-use partpose::carve::{CarveOptions, Progress, QualityOptions, carve_models, measure_quality};
+use partpose::carve::{
+    CarveError, CarveOptions, CarvedModel, Progress, QualityOptions, carve_models, measure_quality,
+};
 use partpose::dataset::folds::{Fold, Folds};
 use partpose::dataset::{Dataset, Frame, SequenceId};
 use partpose::vehicle::ModelZoo;
@@ -29,7 +32,7 @@ pub(crate) struct Arguments {
     /// Folder to write the models to
     #[arg(long, value_name = "ZOO")]
     out: PathBuf,
-    /// Folder to write pictures and measurements on left-out views to
+    /// Folder to write pictures to, and how the models agree with the left-out tracks (with all, without --fold)
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
 }
@@ -56,7 +59,10 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let names = arguments.models.as_deref();
     let carved = carve_models(&frames, names, &leave_out, &options, &mut observe);
     bar.finish_and_clear();
-    let carved = carved.map_err(|error| hint(error, "see `partpose dataset check`"))?;
+    let carved = carved.map_err(|error| {
+        let remedy = remedy(&error);
+        hint(error, remedy)
+    })?;
     for skipped in &carved.skipped {
         report::warn(skipped);
         if let Some(cause) = std::error::Error::source(skipped) {
@@ -64,22 +70,13 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         }
     }
     if carved.models.is_empty() {
-        anyhow::bail!("no model could be carved");
+        let error = anyhow::anyhow!("no model could be carved");
+        return Err(hint(
+            error,
+            "carve from more worlds, so that each model is seen from several sides",
+        ));
     }
-    let mut table = String::from("model\ttracks\tviews\tfaces\twidth\theight\tlength\n");
-    for carved in &carved.models {
-        let extent = carved.model.extent();
-        table += &format!(
-            "{}\t{}\t{}\t{}\t{:.3}\t{:.3}\t{:.3}\n",
-            carved.model.name(),
-            carved.tracks,
-            carved.views,
-            carved.model.mesh().faces.len(),
-            extent.width,
-            extent.height,
-            extent.length,
-        );
-    }
+    let mut table = table_of(&carved.models);
     let zoo =
         ModelZoo { models: carved.models.iter().map(|carved| carved.model.clone()).collect() };
     zoo.save(&arguments.out).map_err(|error| match error.remedy() {
@@ -87,31 +84,67 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         None => error.into(),
     })?;
     if let Some(folder) = &arguments.report {
-        let bar = progress::bar("measuring", 1);
-        let mut observe = |progress| {
-            if let Progress::Reading { done, total } = progress {
-                bar.set_length(total as u64);
-                bar.set_position(done as u64);
-            }
-        };
-        let chosen =
+        let measured =
             |sequence: &SequenceId, track: u32| folds.is_none() || leave_out(sequence, track);
-        let views = measure_quality(
-            &frames,
-            &zoo.models,
-            &chosen,
-            &QualityOptions::default(),
-            &mut observe,
-        );
-        bar.finish_and_clear();
-        table = table + "\n" + &carve_report::write(folder, &zoo.models, &views)?;
-        for model in &zoo.models {
-            let path = folder.join(format!("{}.png", model.name()));
-            partpose::files::write_png(&path, &turntable(model, &TurntableOptions::default()))?;
-        }
+        table = table + "\n" + &write_report(folder, &frames, &zoo, &measured)?;
     }
     report::data(&table)?;
     Ok(if carved.skipped.is_empty() && complete { Outcome::Done } else { Outcome::Skipped })
+}
+
+/// Pictures of the models, and how they agree with the views of the tracks that `measured` names.
+fn write_report(
+    folder: &Path,
+    frames: &[Frame],
+    zoo: &ModelZoo,
+    measured: &dyn Fn(&SequenceId, u32) -> bool,
+) -> anyhow::Result<String> {
+    let bar = progress::bar("measuring", 1);
+    let mut observe = |progress| {
+        if let Progress::Reading { done, total } = progress {
+            bar.set_length(total as u64);
+            bar.set_position(done as u64);
+        }
+    };
+    let options = QualityOptions::default();
+    let views = measure_quality(frames, &zoo.models, measured, &options, &mut observe);
+    bar.finish_and_clear();
+    for model in &zoo.models {
+        let path = folder.join(format!("{}.png", model.name()));
+        partpose::files::write_png(&path, &turntable(model, &TurntableOptions::default()))?;
+    }
+    carve_report::write(folder, &zoo.models, &views)
+}
+
+/// What was carved, one line a model.
+fn table_of(models: &[CarvedModel]) -> String {
+    let mut table = String::from("model\ttracks\tviews\tfaces\twidth\theight\tlength\n");
+    for carved in models {
+        let (model, extent) = (&carved.model, carved.model.extent());
+        let _ = writeln!(
+            table,
+            "{}\t{}\t{}\t{}\t{:.3}\t{:.3}\t{:.3}",
+            model.name(),
+            carved.tracks,
+            carved.views,
+            model.mesh().faces.len(),
+            extent.width,
+            extent.height,
+            extent.length,
+        );
+    }
+    table
+}
+
+/// What can be done where nothing can be carved.
+fn remedy(error: &CarveError) -> &'static str {
+    match error {
+        CarveError::NoMasks { .. } => {
+            "part masks belong in parts/WORLD/VARIATION/NNNNN.png of the data set's folder"
+        }
+        CarveError::NoModelNames => "only data sets that name the mesh of a vehicle can be carved",
+        _ => "choose among the names given, or leave --models out",
+    }
 }
 
 /// The sequences and frames of some worlds, and whether all of their rows could be read.

@@ -8,7 +8,7 @@ use partpose::eval::{PoseScores, Table, breakdown, paper_tables, score_table, su
 use partpose::files;
 use serde_json::json;
 
-use super::{Arguments, Evaluated, ExtentFlag};
+use super::{Arguments, Evaluated};
 use crate::report;
 
 /// Prints the tables and writes everything.
@@ -84,7 +84,7 @@ fn write_metrics(
         .collect();
     let Some(object) = metrics.as_object_mut() else { bail!("scores are not an object") };
     object.insert("name".to_owned(), json!(scores[last].0));
-    object.insert("extent".to_owned(), json!(extent_name(arguments.extent)));
+    object.insert("settings".to_owned(), settings(arguments));
     object.insert("skipped_frames".to_owned(), json!(evaluated.skipped));
     object.insert("rows".to_owned(), json!(rows));
     let by: Vec<_> = by.iter().map(|(name, s)| json!({ "name": name, "scores": s })).collect();
@@ -93,8 +93,24 @@ fn write_metrics(
     files::write(path, text.as_bytes()).context("the metrics could not be written")
 }
 
-fn extent_name(extent: ExtentFlag) -> String {
-    extent.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
+/// What the scores depend on besides the rows' own options.
+fn settings(arguments: &Arguments) -> serde_json::Value {
+    let name = |value: Option<clap::builder::PossibleValue>| {
+        value.map_or(String::new(), |value| value.get_name().to_owned())
+    };
+    json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "dataset": arguments.dataset.display().to_string(),
+        "worlds": arguments.worlds,
+        "variations": arguments.variations,
+        "fold": arguments.fold,
+        "stride": arguments.stride,
+        "zoo": arguments.zoo,
+        "detections": "oracle",
+        "box": name(arguments.bounds.to_possible_value()),
+        "degrade_to_pixel_accuracy": arguments.degrade,
+        "extent": name(arguments.extent.to_possible_value()),
+    })
 }
 
 /// Every vehicle under the last configuration.

@@ -1,0 +1,86 @@
+//! The rows of the tables: what is compared, and how much detections err in each.
+
+use partpose::dataset::Frame;
+use partpose::eval::{Configuration, EvaluationOptions, calibrate, paper_configurations};
+use partpose::oracle::Degradation;
+use partpose::parts::Scaling;
+use partpose::pose::{Center2d, Center3d, PoseOptions};
+
+use super::Arguments;
+use crate::report::{hint, warn};
+
+/// Frames that the strength of degradation is found on.
+const CALIBRATION_FRAMES: usize = 60;
+/// Largest miss of the accuracy asked for that is not worth a word.
+const ACCURACY_TOLERANCE: f64 = 0.005;
+
+/// One row as asked, or those of Tables III to V and what goes past them.
+pub(super) fn configurations(arguments: &Arguments) -> Vec<Configuration> {
+    let base = arguments.pose.options();
+    if !arguments.tables {
+        let (name, kernel) = ("as asked".to_owned(), arguments.kernel as usize);
+        return vec![Configuration { name, kernel, pose: base, degradation: None }];
+    }
+    let mut rows = paper_configurations(&base);
+    let more = [
+        ("CM / CM, all filters", Center2d::Mass, Center3d::Mass, false),
+        ("CM / visible, all filters", Center2d::Mass, Center3d::Visible, false),
+        ("CM / CM, all filters, LM", Center2d::Mass, Center3d::Mass, true),
+        ("CM / visible, all filters, LM", Center2d::Mass, Center3d::Visible, true),
+    ];
+    for kernel in [28, 56] {
+        for (name, center_2d, center_3d, refine) in more {
+            let pose = PoseOptions { center_2d, center_3d, refine, ..base };
+            let name = format!("past: {kernel} {name}");
+            rows.push(Configuration { name, kernel, pose, degradation: None });
+        }
+    }
+    rows
+}
+
+/// Finds for each kernel size and scaling the strength that gives the accuracy asked for.
+pub(super) fn degrade(
+    configurations: &mut [Configuration],
+    frames: &[Frame],
+    options: &EvaluationOptions,
+    target: f64,
+    seed: u64,
+) -> anyhow::Result<()> {
+    let step = frames.len().div_ceil(CALIBRATION_FRAMES).max(1);
+    let sample: Vec<Frame> = frames.iter().step_by(step).cloned().collect();
+    let mut found: Vec<((usize, Scaling), f64)> = Vec::new();
+    for configuration in configurations {
+        let key = (configuration.kernel, configuration.pose.scaling);
+        let known = found.iter().find(|(other, _)| *other == key).map(|(_, strength)| *strength);
+        let strength = match known {
+            Some(strength) => strength,
+            None => find_strength(&sample, options, configuration, target, seed)?,
+        };
+        found.push((key, strength));
+        configuration.degradation = Some(Degradation { strength, seed });
+    }
+    Ok(())
+}
+
+fn find_strength(
+    sample: &[Frame],
+    options: &EvaluationOptions,
+    configuration: &Configuration,
+    target: f64,
+    seed: u64,
+) -> anyhow::Result<f64> {
+    let Some((strength, reached)) = calibrate(sample, options, configuration, target, seed) else {
+        return Err(hint(
+            anyhow::anyhow!("no vehicle to find the strength of `--degrade` on"),
+            "name worlds that show models of the zoo",
+        ));
+    };
+    if (reached - target).abs() > ACCURACY_TOLERANCE {
+        let (target, reached) = (100.0 * target, 100.0 * reached);
+        let kernel = configuration.kernel;
+        warn(format_args!(
+            "kernels of {kernel} cells reach {reached:.1} % pixel accuracy, not the {target:.1} % asked for"
+        ));
+    }
+    Ok(strength)
+}
