@@ -12,6 +12,10 @@ use crate::report;
 
 const REMEDY: &str = "a camera file is TOML with `width`, `height`, `fx`, `fy`, `cx` and `cy` in pixels, \
                       a KITTI calibration, or a data set folder";
+/// Shortest and longest focal length that is believed, pixels.
+const FOCAL: [f64; 2] = [1.0, 1e6];
+/// How far the principal point may be from the first pixel along either axis, pixels.
+const MAX_CENTER: f64 = 1e6;
 
 /// What a camera file may hold; all of it is needed.
 #[derive(serde::Deserialize)]
@@ -27,9 +31,11 @@ struct CameraFile {
 
 /// The camera of a file or folder: TOML, a KITTI calibration with its image, or the first frame of a data set.
 pub(crate) fn load_camera(path: &Path) -> anyhow::Result<Camera> {
-    if path.is_dir() {
-        return from_dataset(path);
-    }
+    let camera = if path.is_dir() { from_dataset(path) } else { from_file(path) };
+    camera.map_err(|error| report::hint(error, REMEDY))
+}
+
+fn from_file(path: &Path) -> anyhow::Result<Camera> {
     let text = files::read_text(path)?;
     // `P0: ...` to `P3: ...`, or `P_rect_02: ...` in the raw recordings.
     let is_matrix = |line: &str| {
@@ -37,8 +43,34 @@ pub(crate) fn load_camera(path: &Path) -> anyhow::Result<Camera> {
     };
     let is_calibration = text.lines().any(is_matrix);
     let camera =
-        if is_calibration { from_calibration(path, &text) } else { from_toml(path, &text) };
-    camera.map_err(|error| report::hint(error, REMEDY))
+        if is_calibration { from_calibration(path, &text)? } else { from_toml(path, &text)? };
+    check_ranges(path, &camera)?;
+    Ok(camera)
+}
+
+/// Refuses a camera that nobody has: its numbers would overflow, or its images exhaust memory, much later.
+fn check_ranges(path: &Path, camera: &Camera) -> anyhow::Result<()> {
+    let [fx, fy] = camera.focal;
+    let [cx, cy] = camera.principal_point;
+    let [width, height] = camera.size.map(f64::from);
+    let (center, side) = ([-MAX_CENTER, MAX_CENTER], [1.0, f64::from(MAX_IMAGE_SIDE)]);
+    for (name, value, [low, high]) in [
+        ("fx", fx, FOCAL),
+        ("fy", fy, FOCAL),
+        ("cx", cx, center),
+        ("cy", cy, center),
+        ("width", width, side),
+        ("height", height, side),
+    ] {
+        // NaN lies in no range.
+        if !(low..=high).contains(&value) {
+            anyhow::bail!(
+                "`{name}` of the camera in `{}` is {value:?}, but must be {low} to {high} pixels",
+                path.display()
+            );
+        }
+    }
+    Ok(())
 }
 
 fn from_dataset(path: &Path) -> anyhow::Result<Camera> {
@@ -80,25 +112,19 @@ fn from_toml(path: &Path, text: &str) -> anyhow::Result<Camera> {
         anyhow::anyhow!("`{}` line {line}: {what}", path.display())
     })?;
     let missing = |name: &str| anyhow::anyhow!("`{}` has no `{name}`", path.display());
-    let bad = |name: &str, value: &dyn std::fmt::Display, needed: &str| {
-        anyhow::anyhow!("`{name}` in `{}` is {value}, but must be {needed}", path.display())
-    };
+    let number = |name: &str, value: Option<f64>| value.ok_or_else(|| missing(name));
     let side = |name: &str, value: Option<i64>| {
         let value = value.ok_or_else(|| missing(name))?;
-        let side = u32::try_from(value).ok().filter(|side| (1..=MAX_IMAGE_SIDE).contains(side));
-        side.ok_or_else(|| bad(name, &value, &format!("1 to {MAX_IMAGE_SIDE} pixels")))
-    };
-    let focal = |name: &str, value: Option<f64>| match value.ok_or_else(|| missing(name))? {
-        value if value.is_finite() && value > 0.0 => Ok(value),
-        value => Err(bad(name, &value, "a focal length above 0 pixels")),
-    };
-    let center = |name: &str, value: Option<f64>| match value.ok_or_else(|| missing(name))? {
-        value if value.is_finite() => Ok(value),
-        value => Err(bad(name, &value, "a finite number of pixels")),
+        u32::try_from(value).map_err(|_| {
+            let (path, max) = (path.display(), MAX_IMAGE_SIDE);
+            anyhow::anyhow!(
+                "`{name}` of the camera in `{path}` is {value}, but must be 1 to {max} pixels"
+            )
+        })
     };
     Ok(Camera {
-        focal: [focal("fx", file.fx)?, focal("fy", file.fy)?],
-        principal_point: [center("cx", file.cx)?, center("cy", file.cy)?],
+        focal: [number("fx", file.fx)?, number("fy", file.fy)?],
+        principal_point: [number("cx", file.cx)?, number("cy", file.cy)?],
         size: [side("width", file.width)?, side("height", file.height)?],
     })
 }
@@ -135,16 +161,6 @@ mod tests {
     #[test]
     fn a_camera_without_focal_length_is_refused_by_name() {
         check("", &expect!["`camera.toml` has no `fx`"]);
-        let zero = GOOD.replace("fx = 725", "fx = 0");
-        check(
-            &zero,
-            &expect!["`fx` in `camera.toml` is 0, but must be a focal length above 0 pixels"],
-        );
-        let nan = GOOD.replace("fy = 725.5", "fy = nan");
-        check(
-            &nan,
-            &expect!["`fy` in `camera.toml` is NaN, but must be a focal length above 0 pixels"],
-        );
         check(
             &GOOD.replace("fx", "focal"),
             &expect![
@@ -156,21 +172,57 @@ mod tests {
             &expect![[r#"`camera.toml` line 4: invalid type: string "a", expected f64"#]],
         );
         check(
-            &GOOD.replace("1242", "0"),
-            &expect!["`width` in `camera.toml` is 0, but must be 1 to 16384 pixels"],
-        );
-        check(
-            &GOOD.replace("1242", "99999999999"),
-            &expect!["`width` in `camera.toml` is 99999999999, but must be 1 to 16384 pixels"],
-        );
-        check(
-            &GOOD.replace("cx = 620.5", "cx = inf"),
-            &expect!["`cx` in `camera.toml` is inf, but must be a finite number of pixels"],
-        );
-        check(
             "width = ",
             &expect!["`camera.toml` line 1: string values must be quoted, expected literal string"],
         );
+    }
+
+    #[test]
+    fn numbers_that_no_camera_has_are_refused() {
+        let focal = "1 to 1000000 pixels";
+        let center = "-1000000 to 1000000 pixels";
+        let side = "1 to 16384 pixels";
+        for (name, value, shown, needed) in [
+            ("fx", "0", "0.0", focal),
+            ("fx", "0.5", "0.5", focal),
+            ("fy", "-725", "-725.0", focal),
+            ("fy", "nan", "NaN", focal),
+            ("fx", "1e300", "1e300", focal),
+            ("cx", "inf", "inf", center),
+            ("cy", "-2e6", "-2000000.0", center),
+            ("cx", "nan", "NaN", center),
+            ("width", "0", "0.0", side),
+            ("width", "99999999999", "99999999999", side),
+            ("height", "-1", "-1", side),
+            ("height", "16385", "16385.0", side),
+        ] {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("camera.toml");
+            let line = |line: &str| {
+                if line.starts_with(name) {
+                    format!("{name} = {value}\n")
+                } else {
+                    format!("{line}\n")
+                }
+            };
+            write(&path, GOOD.lines().map(line).collect::<String>().as_bytes()).unwrap();
+            let said = load_camera(&path).unwrap_err().to_string();
+            let path = path.display();
+            let expected =
+                format!("`{name}` of the camera in `{path}` is {shown}, but must be {needed}");
+            assert_eq!(said, expected);
+        }
+    }
+
+    #[test]
+    fn a_calibration_is_held_to_the_same_ranges() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("calib/a.txt");
+        write(&path, P2.replace("700", "0.1").as_bytes()).unwrap();
+        let image = RgbImage { size: [8, 4], pixels: vec![0; 96] };
+        write_png(&folder.path().join("image_2/a.png"), &image).unwrap();
+        let said = load_camera(&path).unwrap_err().to_string();
+        assert!(said.contains("is 0.1, but must be 1 to 1000000 pixels"), "{said}");
     }
 
     #[test]

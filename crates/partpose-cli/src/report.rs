@@ -52,6 +52,23 @@ pub(crate) fn warn(message: impl fmt::Display) {
     note(format_args!("warning: {message}"));
 }
 
+/// Reports something that was skipped because of an error, with all its causes.
+pub(crate) fn warn_error(context: impl fmt::Display, error: &(dyn std::error::Error + 'static)) {
+    warn(format_args!("{context}: {}", messages(error).join(": ")));
+}
+
+/// What an error and its causes say, outermost first, without what has been said already.
+fn messages(error: &(dyn std::error::Error + 'static)) -> Vec<String> {
+    let mut messages: Vec<String> = Vec::new();
+    for cause in anyhow::Chain::new(error).map(ToString::to_string) {
+        // A transparent wrapper repeats its source, and some write it behind their own words.
+        if !messages.last().is_some_and(|last| last.ends_with(&cause)) {
+            messages.push(cause);
+        }
+    }
+    messages
+}
+
 /// Writes data to stdout; a closed pipe is success, as `partpose ... | head` expects.
 pub(crate) fn data(text: &str) -> anyhow::Result<()> {
     match io::stdout().lock().write_all(text.as_bytes()) {
@@ -66,14 +83,9 @@ pub(crate) fn exit_code(outcome: anyhow::Result<Outcome>) -> ExitCode {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Skipped) => ExitCode::from(1),
         Err(error) => {
-            note(format_args!("error: {error}"));
-            let mut last = error.to_string();
-            for cause in error.chain().skip(1).map(ToString::to_string) {
-                // A transparent wrapper repeats its source.
-                if cause != last {
-                    note(format_args!("  caused by: {cause}"));
-                }
-                last = cause;
+            for (depth, message) in messages(error.as_ref()).iter().enumerate() {
+                let label = if depth == 0 { "error" } else { "  caused by" };
+                note(format_args!("{label}: {message}"));
             }
             for cause in error.chain() {
                 if let Some(hinted) = cause.downcast_ref::<Hinted>() {
@@ -85,5 +97,26 @@ pub(crate) fn exit_code(outcome: anyhow::Result<Outcome>) -> ExitCode {
             }
             ExitCode::from(2)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use partpose::files;
+
+    #[test]
+    fn every_cause_of_an_error_is_told_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let image = files::RgbImage { size: [9, 9], pixels: (0..243).collect() };
+        let png = files::encode_png(&image);
+        files::write(&path, &png[..png.len() / 2]).unwrap();
+        // Transparent wrapper, our words, the decoder's words, which end with their own cause.
+        let error = partpose::dataset::DatasetError::from(files::read_rgb(&path).unwrap_err());
+        let messages = messages(&error);
+        assert_eq!(messages[0], format!("cannot decode the image `{}`", path.display()));
+        assert_eq!(messages.len(), 2, "{messages:?}");
+        assert!(messages[1].contains("unexpected"), "{messages:?}");
     }
 }

@@ -9,7 +9,7 @@ mod model;
 mod parametric;
 mod zoo;
 
-pub use glb::{GlbError, MAX_COORDINATE, MAX_FACES, PrimitiveFault};
+pub use glb::{GlbError, MAX_COORDINATE, MAX_FACES, MAX_SIDE, MIN_SIDE, PrimitiveFault};
 pub use glb_read::from_glb;
 pub use glb_write::to_glb;
 pub use mesh::Mesh;

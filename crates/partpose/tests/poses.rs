@@ -8,7 +8,7 @@ use partpose::parts::{BACKGROUND, PartMask};
 use partpose::pose::{
     Center2d, Center3d, ExtentSource, NoPose, PartFilters, PnpMethod, PoseEstimator, PoseOptions,
 };
-use partpose::render::{Instance, render_labels};
+use partpose::render::render_labels;
 use partpose::vehicle::ModelZoo;
 
 const CAMERA: Camera = Camera::pinhole(725.0, [620.5, 187.0], [1242, 375]);
@@ -47,23 +47,23 @@ fn street(zoo: &ModelZoo, vehicles: Vec<VehicleLabel>) -> (Frame, PartMask) {
     let sequence = SequenceId { world: "street".to_owned(), variation: String::new() };
     let mut frame = Frame::new(sequence, 0, CAMERA);
     frame.vehicles = vehicles;
-    let instances: Vec<Instance> = frame
-        .vehicles
-        .iter()
-        .enumerate()
-        .map(|(index, vehicle)| {
-            let name = vehicle.model.as_deref().expect("it is of the zoo");
-            let model = zoo.get(name).expect("it is of the zoo");
-            Instance {
-                mesh: model.mesh(),
-                scale: vehicle.cuboid.extent.ratio(&model.extent()),
-                camera_from_vehicle: vehicle.cuboid.camera_from_vehicle,
-                id: index as u16 + 1,
-            }
-        })
-        .collect();
-    let image = render_labels(&CAMERA, &instances);
+    let image = render_labels(&CAMERA, &frame.instances(zoo));
     (frame, PartMask { origin: [0, 0], size: image.size, labels: image.parts })
+}
+
+#[test]
+fn only_vehicles_of_the_zoo_become_instances() {
+    let zoo = ModelZoo::embedded();
+    let unknown = |model: Option<&str>| VehicleLabel {
+        model: model.map(str::to_owned),
+        ..vehicle(&zoo, 0, [0.0, 15.0], 0.3)
+    };
+    let known = vehicle(&zoo, 1, [3.0, 20.0], 0.1);
+    let (frame, _) = street(&zoo, vec![unknown(None), unknown(Some("tank")), known]);
+    let [instance] = frame.instances(&zoo)[..] else { panic!("one is known") };
+    assert_eq!(instance.id, 3);
+    let stretch = instance.scale - Vector3::new(0.97, 1.0, 1.04);
+    assert!(stretch.amax() < 1e-12, "{:?}", instance.scale);
 }
 
 /// Sixteen free-standing vehicles, one a frame, from all sides and at several distances.

@@ -111,6 +111,47 @@ fn node_transforms_are_applied_and_a_mirror_keeps_faces_outwards() {
 }
 
 #[test]
+fn a_model_that_is_inside_out_is_turned_round() {
+    for model in ModelZoo::embedded().models {
+        let (json, mut bytes) = parts_of(&to_glb(&model));
+        for accessor in json["accessors"].as_array().unwrap() {
+            if accessor["type"] != "SCALAR" {
+                continue;
+            }
+            let size = match accessor["componentType"].as_u64().unwrap() {
+                5121 => 1,
+                5123 => 2,
+                _ => 4,
+            };
+            let view = &json["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+            let offset = |of: &Value| of["byteOffset"].as_u64().unwrap_or(0) as usize;
+            let start = offset(view) + offset(accessor);
+            let length = size * accessor["count"].as_u64().unwrap() as usize;
+            for face in bytes[start..start + length].chunks_exact_mut(3 * size) {
+                let (first, second) = face.split_at_mut(size);
+                first.swap_with_slice(&mut second[..size]);
+            }
+        }
+        let outward = from_glb(&to_glb(&model)).unwrap();
+        let turned = from_glb(&glb_of(&json, &bytes)).unwrap();
+        assert!(turned.mesh().is_closed() && turned.mesh().volume() > 0.0, "{}", model.name());
+        assert_eq!(face_set(turned.mesh()), face_set(outward.mesh()), "{}", model.name());
+    }
+}
+
+#[test]
+fn an_open_model_keeps_its_faces_as_they_are() {
+    let plain = model("car");
+    let mut mesh = plain.mesh().clone();
+    mesh.faces.iter_mut().for_each(|face| face.swap(0, 1));
+    let turned = VehicleModel::new("car", "Car", "sedan", plain.extent(), mesh).unwrap();
+    for model in [plain, turned] {
+        let read = from_glb(&to_glb(&model)).unwrap();
+        assert_eq!(face_set(read.mesh()), face_set(model.mesh()));
+    }
+}
+
+#[test]
 fn blenders_counters_and_other_places_for_names_and_extras_are_understood() {
     let model = from_glb(&with("/materials/1/name", &json!("hood.001"))).unwrap();
     assert!(model.mesh().parts.contains(&PartClass::Hood));
@@ -176,6 +217,9 @@ fn every_corrupted_file_is_an_error() {
         ("/nodes/0/extras", json!({})),
         ("/nodes/0/extras/partpose/extent/width", json!(-1.0)),
         ("/nodes/0/extras/partpose/extent/width", json!(1e9)),
+        ("/nodes/0/extras/partpose/extent/width", json!(101.0)),
+        ("/nodes/0/extras/partpose/extent/height", json!(0.009)),
+        ("/nodes/0/extras/partpose/extent/length", json!(0.0)),
         ("/nodes/0/extras/partpose/extent/width", json!("wide")),
         ("/nodes/0/extras/partpose/name", json!("")),
         ("/nodes/0/extras/partpose/name", json!("a\u{1b}[2Jb")),
@@ -290,7 +334,8 @@ fn bad_zoos_are_named_with_a_remedy() {
     let load = |path: &Path| ModelZoo::load(path).map(|_| ());
     let remedy = check(load(folder.path()), "the zoo `ZOO` holds no `.glb` file");
     assert!(remedy.unwrap().contains("zoo carve"));
-    check(load(&folder.path().join("none")), "cannot read `ZOO/none`");
+    let remedy = check(load(&folder.path().join("none")), "cannot read `ZOO/none`");
+    assert!(remedy.unwrap().contains("zoo carve"));
 
     fs::write(folder.path().join("x.glb"), to_glb(&model("car"))).unwrap();
     let zoo = ModelZoo { models: vec![model("car")] };

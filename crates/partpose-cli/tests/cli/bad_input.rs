@@ -49,9 +49,23 @@ fn camera_without_focal_length_is_refused() {
 }
 
 #[test]
-fn empty_zoo_is_refused() {
+fn camera_that_is_missing_or_something_else_is_refused() {
+    let folder = good();
+    let path = folder.path().join("camera.toml");
+    let image = partpose::files::RgbImage { size: [2, 1], pixels: vec![0; 6] };
+    fs::write(&path, partpose::files::encode_png(&image)).unwrap();
+    refuses(folder.path(), "camera.toml");
+    fs::remove_file(&path).unwrap();
+    refuses(folder.path(), "camera.toml");
+    fs::create_dir(&path).unwrap();
+    refuses(folder.path(), "camera.toml");
+}
+
+#[test]
+fn empty_or_missing_zoo_is_refused() {
     let folder = good();
     fs::remove_dir_all(folder.path().join("zoo")).unwrap();
+    refuses(folder.path(), "zoo");
     fs::create_dir(folder.path().join("zoo")).unwrap();
     refuses(folder.path(), "zoo");
 }

@@ -51,7 +51,7 @@ fn a_clean_data_set_is_shown_and_ends_with_0() {
             Car       Wagon     1        0         1
 
             no part masks: `zoo carve` and `evaluate poses --oracle` need them
-            no RGB images: pictures are drawn on part masks
+            no RGB images: pictures have a dark ground under the masks
             no instance images: vehicles that overlap are told apart by the depth of their models
             no depth images: no command needs them yet
             --- stderr

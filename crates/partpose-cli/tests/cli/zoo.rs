@@ -60,7 +60,18 @@ fn bad_zoos_end_with_2_and_a_remedy() {
         &expect![[r"
             --- stderr
             error: the zoo `zoo` holds no `.glb` file
-            hint: make models with `partpose zoo carve`, or leave the zoo out to use the embedded one
+            hint: a zoo is a folder of `.glb` models or one of them: `partpose zoo carve` makes one from part masks, `partpose demo --out DIR` writes one to begin with into `DIR/zoo`
+            --- exit 2
+        "]],
+    );
+    check(
+        folder.path(),
+        &["zoo", "list", "none"],
+        &expect![[r"
+            --- stderr
+            error: cannot read `none`
+              caused by: No such file or directory (os error 2)
+            hint: a zoo is a folder of `.glb` models or one of them: `partpose zoo carve` makes one from part masks, `partpose demo --out DIR` writes one to begin with into `DIR/zoo`
             --- exit 2
         "]],
     );

@@ -165,13 +165,7 @@ fn hopeless(dataset: &Dataset, id: &SequenceId, error: DatasetError) -> Problem 
     if let DatasetError::Problem(problem) = error {
         return problem;
     }
-    let mut reason = error.to_string();
-    let mut cause = std::error::Error::source(&error);
-    while let Some(error) = cause {
-        reason = format!("{reason}: {error}");
-        cause = error.source();
-    }
-    Problem::of_file(&dataset.label_file(id, 0), None, Fault::Unreadable { reason })
+    Problem::of_file(&dataset.label_file(id, 0), None, Fault::unreadable(&error))
 }
 
 fn models(read: &SequenceFrames) -> Vec<ModelReport> {

@@ -8,6 +8,8 @@ use super::frame::{Frame, SequenceFrames, VehicleLabel};
 use super::problem::{Fault, Problem, Problems};
 use super::table::Row;
 
+/// Most vehicles of a frame: instance ids have 16 bits, 0 is background, and 65535 is left free.
+pub(super) const MAX_VEHICLES: usize = 65_534;
 /// How far a box may reach out of its image, pixels: conventions about the last pixel's edge differ by one.
 const EDGE_TOLERANCE: f64 = 1.0;
 
@@ -16,6 +18,16 @@ const EDGE_TOLERANCE: f64 = 1.0;
 pub(super) struct Draft {
     pub(super) frame: Frame,
     pub(super) lines: Vec<usize>,
+    /// The line of each track.
+    tracks: BTreeMap<u32, usize>,
+    /// Whether a vehicle was refused because there are too many.
+    overfull: bool,
+}
+
+impl Draft {
+    fn new(frame: Frame) -> Self {
+        Self { frame, lines: Vec::new(), tracks: BTreeMap::new(), overfull: false }
+    }
 }
 
 /// The frames of a sequence by index.
@@ -28,10 +40,10 @@ pub(super) struct Drafts {
 impl Drafts {
     /// The frame of an index, made by `make` if it is new.
     pub(super) fn frame(&mut self, index: u32, make: impl FnOnce() -> Frame) -> &mut Draft {
-        self.by_index.entry(index).or_insert_with(|| Draft { frame: make(), lines: Vec::new() })
+        self.by_index.entry(index).or_insert_with(|| Draft::new(make()))
     }
 
-    /// Adds a vehicle, unless its track is in the frame already.
+    /// Adds a vehicle, unless its track is in the frame already or the frame is full.
     pub(super) fn add(
         &mut self,
         row: &Row,
@@ -40,12 +52,20 @@ impl Drafts {
         make: impl FnOnce() -> Frame,
     ) {
         let draft = self.frame(index, make);
-        let same = |other: &VehicleLabel| other.track.is_some() && other.track == vehicle.track;
-        if let (Some(at), Some(track)) = (draft.frame.vehicles.iter().position(same), vehicle.track)
-        {
-            let fault = Fault::DuplicateTrack { track, first_line: draft.lines[at] };
-            self.problems.push(row.problem(fault));
+        if draft.frame.vehicles.len() == MAX_VEHICLES {
+            // The frame is lost with the first one too many; the others need no words.
+            if !std::mem::replace(&mut draft.overfull, true) {
+                let fault = Fault::TooManyVehicles { limit: MAX_VEHICLES };
+                self.problems.push(row.problem(fault));
+            }
             return;
+        }
+        if let Some(track) = vehicle.track {
+            let first_line = *draft.tracks.entry(track).or_insert(row.line);
+            if first_line != row.line {
+                self.problems.push(row.problem(Fault::DuplicateTrack { track, first_line }));
+                return;
+            }
         }
         draft.frame.vehicles.push(vehicle);
         draft.lines.push(row.line);

@@ -6,6 +6,8 @@ use std::path::PathBuf;
 use crate::files;
 use crate::geometry::{Camera, Cuboid, Pose, Rect};
 use crate::parts::{PartClass, PartMask};
+use crate::render::Instance;
+use crate::vehicle::ModelZoo;
 
 use super::{DatasetError, Problem};
 
@@ -126,6 +128,24 @@ impl Frame {
     /// Name for messages: world, variation and index.
     pub fn name(&self) -> String {
         format!("{}/{:05}", self.sequence, self.index)
+    }
+
+    /// The vehicles whose models the zoo has, scaled to their labels' extents, ready to be drawn.
+    ///
+    /// The id of an instance is 1 + the index of the vehicle in [`Self::vehicles`].
+    pub fn instances<'a>(&self, zoo: &'a ModelZoo) -> Vec<Instance<'a>> {
+        // No more ids than 16 bits hold; readers leave frames out that have more vehicles.
+        let labels = (1..u16::MAX).zip(&self.vehicles);
+        let instances = labels.filter_map(|(id, vehicle)| {
+            let model = zoo.get(vehicle.model.as_deref()?)?;
+            Some(Instance {
+                mesh: model.mesh(),
+                scale: vehicle.cuboid.extent.ratio(&model.extent()),
+                camera_from_vehicle: vehicle.cuboid.camera_from_vehicle,
+                id,
+            })
+        });
+        instances.collect()
     }
 
     /// Reads the part mask in the author's colours; an error where there is none or it has another size.

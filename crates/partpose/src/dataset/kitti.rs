@@ -13,12 +13,13 @@ use nalgebra::UnitQuaternion;
 
 use crate::files::{self, FileError};
 use crate::geometry::{Cuboid, EulerAngles, Extent, Pose, Rect, Vector3};
+use crate::vehicle::{MAX_SIDE, MIN_SIDE};
 
 use super::calibration::KittiCalibration;
 use super::collect::{self, Drafts};
 use super::problem::{Fault, Problem};
 use super::table::{MAX_FRAME, Row};
-use super::vkitti::{MAX_ANGLE, MAX_POSITION, MAX_SIDE, MIN_SIDE};
+use super::vkitti::{MAX_ANGLE, MAX_POSITION};
 use super::{DatasetError, Frame, SequenceFrames, SequenceId, VehicleLabel};
 
 /// Size of most images, taken where the image is missing, pixels.
@@ -91,11 +92,7 @@ fn frame(
 ) -> Result<(), Problem> {
     let labels = label_file(root, index);
     let unreadable = |path: &Path, error: &dyn std::error::Error| {
-        let reason = match error.source() {
-            Some(source) => format!("{error}: {source}"),
-            None => error.to_string(),
-        };
-        Problem::of_file(path, None, Fault::Unreadable { reason })
+        Problem::of_file(path, None, Fault::unreadable(error))
     };
     let calib = root.join(format!("training/calib/{index:06}.txt"));
     if !calib.is_file() {

@@ -31,6 +31,18 @@ pub enum Fault {
         /// What the file has there.
         found: String,
     },
+    /// A row that cannot be read, not even its frame, which therefore is kept without what the row says.
+    #[error("{fault}; the frame of this row is unknown, so the row is missing there")]
+    UnknownFrame {
+        /// What is wrong with the row.
+        fault: Box<Fault>,
+    },
+    /// More vehicles than instance ids.
+    #[error("the frame has more than the {limit} vehicles that can be told apart")]
+    TooManyVehicles {
+        /// How many are allowed.
+        limit: usize,
+    },
     /// A file without a single line.
     #[error("the file is empty")]
     Empty,
@@ -159,6 +171,23 @@ pub enum Fault {
         /// What was found.
         finding: String,
     },
+}
+
+impl Fault {
+    /// A file that cannot be read, with all that the error and its causes say.
+    pub(super) fn unreadable(error: &dyn std::error::Error) -> Self {
+        let mut reason = error.to_string();
+        let mut cause = error.source();
+        while let Some(error) = cause {
+            let text = error.to_string();
+            // Some errors write their cause behind their own words.
+            if !reason.ends_with(&text) {
+                reason = format!("{reason}: {text}");
+            }
+            cause = error.source();
+        }
+        Self::Unreadable { reason }
+    }
 }
 
 /// A fault and its place.

@@ -75,6 +75,11 @@ impl<'a> Row<'a> {
 
     /// A fault in this row.
     pub(super) fn problem(&self, fault: Fault) -> Problem {
+        // KITTI's rows and those about whole tracks have no column for it.
+        let fault = match self.frame {
+            None if self.columns[0] == "frame" => Fault::UnknownFrame { fault: Box::new(fault) },
+            _ => fault,
+        };
         Problem { path: self.path.to_owned(), line: Some(self.line), frame: self.frame, fault }
     }
 

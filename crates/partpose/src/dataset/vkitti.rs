@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Translation3, UnitQuaternion};
 
 use crate::files;
 use crate::geometry::{Cuboid, EulerAngles, Extent, Pose, Rotation3, Vector3};
+use crate::vehicle::{MAX_SIDE, MIN_SIDE};
 
 use super::DatasetError;
 use super::problem::{Fault, Problem, Problems};
@@ -15,10 +16,6 @@ use super::table::{self, MAX_FRAME, Row};
 
 /// How far an extrinsic matrix may be from a rotation; the published ones miss by 6e-7.
 const ROTATION_TOLERANCE: f64 = 1e-3;
-/// Largest side of a vehicle, metres.
-pub(super) const MAX_SIDE: f64 = 100.0;
-/// Smallest side of a vehicle, metres.
-pub(super) const MIN_SIDE: f64 = 0.01;
 /// Largest distance along an axis, metres.
 pub(super) const MAX_POSITION: f64 = 1e4;
 /// Largest angle; files stay within a turn.

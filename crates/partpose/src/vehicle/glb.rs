@@ -3,14 +3,18 @@
 //! Khronos Group: *glTF 2.0 Specification*, 2021, § 4. What the chunks hold is told in `glb_write.rs` and
 //! `glb_read.rs`; `docs/formats.md` (Zoo) describes the whole for others.
 
-use crate::geometry::Point3;
+use crate::geometry::{Extent, Point3};
 
 use super::ModelError;
 
 /// Most faces that a file may give a model; far above any use, low enough for any memory.
 pub const MAX_FACES: usize = 4_000_000;
-/// Largest coordinate or side of a vehicle that is believed, metres.
+/// Largest coordinate of a vertex that is believed, metres.
 pub const MAX_COORDINATE: f64 = 1000.0;
+/// Smallest side of a vehicle that is believed, metres.
+pub const MIN_SIDE: f64 = 0.01;
+/// Largest side of a vehicle that is believed, metres.
+pub const MAX_SIDE: f64 = 100.0;
 
 const MAGIC: &[u8; 4] = b"glTF";
 const JSON_CHUNK: &[u8; 4] = b"JSON";
@@ -95,8 +99,8 @@ pub enum GlbError {
     #[error("more than {MAX_FACES} faces")]
     TooManyFaces,
     /// An extent beyond belief.
-    #[error("an extent of more than {MAX_COORDINATE} m")]
-    Extent,
+    #[error("an extent of {} x {} x {} m, where sides are {MIN_SIDE} to {MAX_SIDE} m", .0.width, .0.height, .0.length)]
+    Extent(Extent),
     /// The parts make no model.
     #[error("the parts make no model")]
     Model(#[source] ModelError),
@@ -168,7 +172,7 @@ impl GlbError {
             Self::Magic | Self::NoJson | Self::Version(_) => "export it as binary glTF 2.0 (.glb)",
             Self::Truncated { .. } => "copy or export the file again",
             Self::Extension(_) => "export it without compression and extensions",
-            Self::NoExtras | Self::Extras(_) | Self::Text { .. } | Self::Extent => {
+            Self::NoExtras | Self::Extras(_) | Self::Text { .. } | Self::Extent(_) => {
                 "give a root node extras such as {\"partpose\": {\"name\": \"Golf\", \"category\": \"Car\", \
                  \"body_style\": \"hatchback\", \"extent\": {\"width\": 1.8, \"height\": 1.5, \"length\": 4.3}}}, \
                  lengths in metres"

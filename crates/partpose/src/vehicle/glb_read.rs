@@ -5,7 +5,7 @@
 //! are separate triangles, each primitive's material, mesh or node (looked at in this order) is named after a part,
 //! and `extras.partpose` is on a root node, the scene or the asset. Node transforms are applied. Vertices at identical
 //! positions are merged, so that a vertex on a seam is one vertex again; faces that thereby lose their area are
-//! dropped. Skins, morph targets and animations are ignored.
+//! dropped. A closed mesh that is inside out is turned round. Skins, morph targets and animations are ignored.
 
 use std::collections::HashMap;
 
@@ -14,7 +14,7 @@ use crate::parts::PartClass;
 
 use super::{
     GlbError, Mesh, PrimitiveFault, VehicleModel,
-    glb::{self, MAX_COORDINATE, MAX_FACES},
+    glb::{self, MAX_COORDINATE, MAX_FACES, MAX_SIDE, MIN_SIDE},
     glb_schema::{self as schema, Extras, Node, Primitive, Root, TRIANGLES},
 };
 
@@ -51,14 +51,17 @@ pub fn from_glb(bytes: &[u8]) -> Result<VehicleModel, GlbError> {
             })?;
         }
     }
-    VehicleModel::new(
-        &extras.name,
-        &extras.category,
-        &extras.body_style,
-        extras.extent,
-        builder.mesh,
-    )
-    .map_err(GlbError::Model)
+    let mesh = outward(builder.mesh);
+    VehicleModel::new(&extras.name, &extras.category, &extras.body_style, extras.extent, mesh)
+        .map_err(GlbError::Model)
+}
+
+/// Turns a closed mesh round that is inside out; of an open one nobody knows which side is out.
+fn outward(mut mesh: Mesh) -> Mesh {
+    if mesh.volume() < 0.0 && mesh.is_closed() {
+        mesh.faces.iter_mut().for_each(|face| face.swap(1, 2));
+    }
+    mesh
 }
 
 /// The names that may tell the part of a primitive.
@@ -226,8 +229,8 @@ fn extras(root: &Root, roots: &[usize]) -> Result<Extras, GlbError> {
             return Err(GlbError::Text { field });
         }
     }
-    if extras.extent.to_vector().max() > MAX_COORDINATE {
-        return Err(GlbError::Extent);
+    if !extras.extent.to_vector().iter().all(|side| (MIN_SIDE..=MAX_SIDE).contains(side)) {
+        return Err(GlbError::Extent(extras.extent));
     }
     Ok(extras)
 }

@@ -1,11 +1,16 @@
 //! The models that a pose is chosen from, and the folder that holds them.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::files::{self, FileError};
 use crate::geometry::Extent;
 
 use super::{GlbError, ParametricVehicle, VehicleModel, from_glb, to_glb};
+
+/// How to come by a zoo.
+const WHERE_FROM: &str = "a zoo is a folder of `.glb` models or one of them: `partpose zoo carve` makes one from part masks, \
+                          `partpose demo --out DIR` writes one to begin with into `DIR/zoo`";
 
 /// Models in a fixed order; where errors tie, the first wins.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -63,12 +68,14 @@ impl ZooError {
     /// What can be done about it, where the message does not say it already.
     pub fn remedy(&self) -> Option<String> {
         match self {
+            Self::File(FileError::Read { source, .. })
+                if source.kind() == io::ErrorKind::NotFound =>
+            {
+                Some(WHERE_FROM.to_owned())
+            }
             Self::File(_) => None,
             Self::Model { source, .. } => Some(source.remedy().to_owned()),
-            Self::Empty { .. } => Some(
-                "make models with `partpose zoo carve`, or leave the zoo out to use the embedded one"
-                    .to_owned(),
-            ),
+            Self::Empty { .. } => Some(WHERE_FROM.to_owned()),
             Self::Duplicate { second, .. } => {
                 Some(format!("remove `{}` or rename its model", second.display()))
             }

@@ -171,6 +171,18 @@ fn masks_are_compared_with_the_labels() {
     write_png(&mask(1), &small).unwrap();
     assert_eq!(problems(&root), ["the image has 10 x 5 pixels, but the camera 1242 x 375"]);
 
+    // Cut behind the header, whose size is right, and within it.
+    write_mask(&mask(1), 0, [0; 3]);
+    let whole = std::fs::read(mask(1)).unwrap();
+    for cut in [whole.len() / 2, 20] {
+        std::fs::write(mask(1), &whole[..cut]).unwrap();
+        let [problem] = &problems(&root)[..] else { panic!("one problem at {cut}") };
+        let start = format!("cannot decode the image `{}`: ", mask(1).display());
+        let cause = problem.strip_prefix(&start).unwrap();
+        assert!(cause.contains("unexpected"), "{problem}");
+        assert_eq!(cause.matches("unexpected").count(), 1, "{problem}");
+    }
+
     std::fs::remove_file(mask(1)).unwrap();
     assert_eq!(problems(&root), ["1 of 4 frames have no file here, the first of them frame 1"]);
 }

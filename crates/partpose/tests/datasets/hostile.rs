@@ -83,11 +83,32 @@ fn a_track_that_comes_twice_in_a_frame_is_found() {
 
 #[test]
 fn a_row_without_a_readable_frame_is_reported_without_one() {
-    let (_folder, root) = vkitti1(&good_rows().replacen("2 1 Car", "99999999999 1 Car", 1));
+    let (_folder, root) = vkitti1(&good_rows().replacen("2 1 Car", "1000000 1 Car", 1));
     let read = Dataset::open(&root).unwrap().read(&id("0001", "clone")).unwrap();
     assert_eq!(read.problems.len(), 1);
     assert_eq!(read.problems[0].frame, None);
-    assert_eq!(read.frames.len(), 4);
+    let text = read.problems[0].fault.to_string();
+    let expected = "column `frame` is 1000000, outside 0 to 999999; \
+                    the frame of this row is unknown, so the row is missing there";
+    assert_eq!(text, expected);
+    let counts: Vec<usize> = read.frames.iter().map(|frame| frame.vehicles.len()).collect();
+    assert_eq!((counts, read.skipped.len()), (vec![3, 3, 2, 3], 0));
+}
+
+#[test]
+fn a_frame_with_more_vehicles_than_ids_is_left_out() {
+    const MOST: u32 = 65_534;
+    let rows = |count: u32| (0..count).map(|track| VEHICLES[1].motgt(2, track)).collect::<String>();
+    let (_folder, root) = vkitti1(&rows(MOST));
+    let full = Dataset::open(&root).unwrap().read(&id("0001", "clone")).unwrap();
+    assert!(full.problems.is_empty() && full.frames[2].vehicles.len() == MOST as usize);
+    let (_folder, root) = vkitti1(&rows(MOST + 2));
+    let read = Dataset::open(&root).unwrap().read(&id("0001", "clone")).unwrap();
+    let problems: Vec<String> = read.problems.iter().map(ToString::to_string).collect();
+    assert_eq!(problems.len(), 1, "{problems:?}");
+    let end = "line 65536: the frame has more than the 65534 vehicles that can be told apart";
+    assert!(problems[0].ends_with(end), "{problems:?}");
+    assert_eq!((read.skipped, read.frames.len()), (vec![2], 3));
 }
 
 #[test]

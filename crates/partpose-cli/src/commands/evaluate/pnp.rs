@@ -45,8 +45,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             }
             Err(error) => {
                 skipped += 1;
-                let error = anyhow::Error::from(error);
-                report::warn(format_args!("skipped a cell: {error:#}"));
+                report::warn_error("skipped a cell", &error);
             }
         }
     }

@@ -103,7 +103,11 @@ pub(super) fn missing(layout: Layout, sequences: &[SequenceReport]) -> Vec<Missi
             |archives| archives.parts > 0,
             "`zoo carve` and `evaluate poses --oracle` need them",
         ),
-        ("RGB images", |archives| archives.images > 0, "pictures are drawn on part masks"),
+        (
+            "RGB images",
+            |archives| archives.images > 0,
+            "pictures have a dark ground under the masks",
+        ),
         (
             "camera poses",
             |archives| archives.world > 0,
@@ -146,7 +150,7 @@ fn wrong_sizes(frame: &Frame) -> Vec<Problem> {
     let fault = |path: &Path| match files::image_size(path) {
         Ok(found) if found == frame.camera.size => None,
         Ok(found) => Some(Fault::ImageSize { found, expected: frame.camera.size }),
-        Err(error) => Some(Fault::Unreadable { reason: error.to_string() }),
+        Err(error) => Some(Fault::unreadable(&error)),
     };
     let problem = |path: &Path| Some(Problem::of_file(path, Some(frame.index), fault(path)?));
     paths.into_iter().filter_map(problem).collect()
@@ -186,11 +190,11 @@ fn gaps(frames: &[Frame]) -> Vec<Problem> {
 fn mask_pixels(frame: &Frame) -> Result<[usize; 2], Problem> {
     let mask = frame.read_parts().map_err(|error| {
         let path = frame.parts.clone().unwrap_or_default();
-        let reason = match error {
-            DatasetError::Image { reason, .. } => reason,
-            other => other.to_string(),
+        let fault = match error {
+            DatasetError::Image { reason, .. } => Fault::Unreadable { reason },
+            other => Fault::unreadable(&other),
         };
-        Problem::of_file(&path, Some(frame.index), Fault::Unreadable { reason })
+        Problem::of_file(&path, Some(frame.index), fault)
     })?;
     let boxes: Vec<&Rect> = frame.vehicles.iter().map(|vehicle| &vehicle.bounds).collect();
     let mut counts = [0, 0];
