@@ -4,7 +4,7 @@ use partpose::dataset::{Frame, SequenceId, VehicleLabel};
 use partpose::files::RgbImage;
 use partpose::geometry::{Camera, Cuboid, EulerAngles, Extent, Pose, Rect, Vector3};
 use partpose::parts::PartMask;
-use partpose::render::{Instance, render_labels};
+use partpose::render::render_labels;
 use partpose::vehicle::ModelZoo;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -92,22 +92,9 @@ fn label(cuboid: Cuboid, model: &str, track: u32) -> Option<VehicleLabel> {
     })
 }
 
-fn instances<'a>(frame: &Frame, zoo: &'a ModelZoo) -> Vec<Instance<'a>> {
-    let instance = |(index, vehicle): (usize, &VehicleLabel)| {
-        let model = zoo.get(vehicle.model.as_deref()?)?;
-        Some(Instance {
-            mesh: model.mesh(),
-            scale: vehicle.cuboid.extent.ratio(&model.extent()),
-            camera_from_vehicle: vehicle.cuboid.camera_from_vehicle,
-            id: index as u16 + 1,
-        })
-    };
-    frame.vehicles.iter().enumerate().filter_map(instance).collect()
-}
-
 /// Sets occlusion, and asks to ignore what is mostly hidden.
 fn mark_hidden(frame: &mut Frame, zoo: &ModelZoo) {
-    let instances = instances(frame, zoo);
+    let instances = frame.instances(zoo);
     let together = render_labels(&frame.camera, &instances).instances;
     let count = |image: &[u16], id: u16| image.iter().filter(|other| **other == id).count();
     let shares: Vec<f64> = instances
@@ -125,13 +112,13 @@ fn mark_hidden(frame: &mut Frame, zoo: &ModelZoo) {
 
 /// The parts that the camera sees.
 pub(super) fn part_mask(frame: &Frame, zoo: &ModelZoo) -> PartMask {
-    let image = render_labels(&frame.camera, &instances(frame, zoo));
+    let image = render_labels(&frame.camera, &frame.instances(zoo));
     PartMask { origin: [0, 0], size: image.size, labels: image.parts }
 }
 
 /// Grey sky, road and cars shaded by depth: enough to see what the overlay is laid over.
 pub(super) fn photograph(frame: &Frame, zoo: &ModelZoo) -> RgbImage {
-    let image = render_labels(&frame.camera, &instances(frame, zoo));
+    let image = render_labels(&frame.camera, &frame.instances(zoo));
     let [width, height] = image.size;
     let mut pixels = Vec::with_capacity(width as usize * height as usize * 3);
     for (at, (part, depth)) in image.parts.iter().zip(&image.depths).enumerate() {

@@ -21,7 +21,7 @@ use partpose::vehicle::ModelZoo;
 use crate::commands::provenance;
 use crate::pose_flags::PoseFlags;
 use crate::progress;
-use crate::report::{Outcome, hint, warn};
+use crate::report::{Outcome, hint, warn, warn_error};
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
@@ -192,8 +192,7 @@ fn evaluate(
                 }
                 Err(error) => {
                     if unreadable.insert(frame.name()) {
-                        let error = anyhow::Error::new(error);
-                        warn(format_args!("skipped frame {}: {error:#}", frame.name()));
+                        warn_error(format_args!("skipped frame {}", frame.name()), &error);
                     }
                 }
             }

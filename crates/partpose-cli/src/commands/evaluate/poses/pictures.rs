@@ -9,7 +9,7 @@ use partpose::vehicle::ModelZoo;
 
 use super::Arguments;
 use crate::commands::result_files::{self, Pictured};
-use crate::report::warn;
+use crate::report::warn_error;
 
 /// A vehicle to draw, with the zoo that its model is of: folds have different ones.
 struct Kept<'a> {
@@ -65,8 +65,8 @@ impl<'a> Pictures<'a> {
             let image = match frame.image.as_deref().map(files::read_rgb).transpose() {
                 Ok(image) => image,
                 Err(error) => {
-                    let error = anyhow::Error::new(error);
-                    warn(format_args!("drew frame {} without its image: {error:#}", frame.name()));
+                    let context = format!("drew frame {} without its image", frame.name());
+                    warn_error(context, &error);
                     without += 1;
                     None
                 }
