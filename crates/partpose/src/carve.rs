@@ -2,9 +2,9 @@
 //!
 //! Each mesh name of the data set becomes one model: every row that shows it, whatever its size, is a view of the same
 //! shape in *cuboid coordinates* (each axis divided by the row's extent), and each view is also its own mirror image. A
-//! vote over voxels gives the hull ([`hull`]), surface nets its surface ([`surface`]); what the masks cut out of
-//! a vehicle is found by comparison and the hull carved again ([`occluders`]); then the surface is moved until outlines
-//! agree on average ([`contour`]), and views vote on the part of every face ([`labels`]).
+//! vote over voxels gives the hull (`hull`), surface nets its surface (`surface`); what the masks cut out of
+//! a vehicle is found by comparison and the hull carved again (`occluders`); then the surface is moved until outlines
+//! agree on average (`contour`), and views vote on the part of every face (`labels`).
 //!
 //! Limits: cameras at one height see no roof from above, so concavities there stay filled; a model needs views from
 //! several sides.

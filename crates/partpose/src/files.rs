@@ -1,7 +1,7 @@
 //! Reading within limits, writing whole or not at all.
 //!
 //! Every file from outside comes in through here, so that a forged size cannot exhaust memory; every file that others
-//! rely on goes out through [`write`], so that an interrupted run leaves no half of one.
+//! rely on goes out through [`write()`], so that an interrupted run leaves no half of one.
 
 use std::{
     fs::{self, File},
