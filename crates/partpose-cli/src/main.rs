@@ -12,7 +12,7 @@ use clap::{Parser, Subcommand};
 
 /// Six-degree-of-freedom vehicle poses from part masks.
 #[derive(Parser)]
-#[command(version, max_term_width = 100)]
+#[command(name = "partpose", version, max_term_width = 100)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,

@@ -21,7 +21,8 @@ pub(crate) struct PoseFlags {
     /// Point of the model that stands for a part: centre of mass, of the cuboid, or of what is visible
     #[arg(long, value_enum, default_value = "cub")]
     points_3d: Points3d,
-    /// Filters of parts, separated by commas: small parts, whitelist, blacklist, image border; or none
+    /// Filters of parts, separated by commas, or `none`. sp: drop parts that fill too little of the box; wl: but keep
+    /// lights and mirrors; bl: drop aprons, sides and roof; cfix: drop parts that the image's border cuts
     #[arg(long, value_name = "LIST", value_parser = filters, default_value = "sp,wl,bl,cfix")]
     filters: Filters,
     /// Share of the box that a part must exceed under `sp`

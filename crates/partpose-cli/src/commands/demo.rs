@@ -15,7 +15,8 @@ use partpose::files;
 use partpose::formats::{DetectionFile, ResultSettings, image_result, write_detections};
 use partpose::oracle::{Degradation, Oracle, OracleOptions};
 use partpose::pose::{
-    Center2d, Center3d, ExtentSource, NoPose, PnpMethod, PoseEstimate, PoseEstimator, PoseOptions,
+    Center2d, Center3d, ExtentSource, NoPose, PartFilters, PnpMethod, PoseEstimate, PoseEstimator,
+    PoseOptions,
 };
 use partpose::vehicle::ModelZoo;
 
@@ -52,6 +53,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         center_3d: Center3d::Visible,
         method: PnpMethod::Sqpnp,
         refine: true,
+        filters: PartFilters::default(),
         ..Default::default()
     };
     let estimator = PoseEstimator::new(&zoo, &options);
@@ -154,9 +156,11 @@ fn summary(folder: &Path, scores: &PoseScores, accuracies: &[f64]) -> anyhow::Re
     ));
     note(format_args!("wrote pictures, poses and scores to `{}`", folder.display()));
     let out = folder.display();
+    let program =
+        std::env::current_exe().map_or("partpose".to_owned(), |path| path.display().to_string());
     note(format_args!(
-        "next: partpose fit --detections {out}/detections.safetensors --camera {out}/camera.toml --zoo {out}/zoo \
-         --fit sqpnp --points-2d cm --points-3d visible --refine --out {out}/fit"
+        "next: {program} fit --detections {out}/detections.safetensors --camera {out}/camera.toml --zoo {out}/zoo \
+         --fit sqpnp --points-2d cm --points-3d visible --refine --filters none --out {out}/fit"
     ));
     Ok(())
 }

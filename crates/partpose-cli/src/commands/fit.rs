@@ -26,9 +26,9 @@ pub(crate) struct Arguments {
     /// Camera: TOML, KITTI calib, or the folder of a data set
     #[arg(long, value_name = "FILE")]
     camera: PathBuf,
-    /// Folder of the models
+    /// Folder of the models; the embedded ones if not given
     #[arg(long, value_name = "DIR")]
-    zoo: PathBuf,
+    zoo: Option<PathBuf>,
     /// Size of the vehicles, on which their distance depends: `file` takes the detections' own `extents`, else the
     /// models'; `model` the models'; width,height,length in metres is one size for all
     #[arg(long, value_name = "SIZE", default_value = "file", value_parser = parse_extent)]
@@ -111,7 +111,10 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         ),
     })?;
     let options = arguments.pose.options();
-    let zoo = ModelZoo::load(&arguments.zoo)?;
+    let zoo = match &arguments.zoo {
+        Some(folder) => ModelZoo::load(folder)?,
+        None => ModelZoo::embedded(),
+    };
     let job = Job {
         arguments,
         camera: load_camera(&arguments.camera)?,
@@ -119,7 +122,10 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         zoo,
         settings: ResultSettings {
             version: env!("CARGO_PKG_VERSION"),
-            zoo: arguments.zoo.display().to_string(),
+            zoo: arguments
+                .zoo
+                .as_ref()
+                .map_or("embedded".to_owned(), |zoo| zoo.display().to_string()),
             extent: extent_in_words(arguments.extent, file.extents.is_some()),
             pose: options,
         },
@@ -143,9 +149,12 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         total.without += counts.without;
         total.skipped += counts.skipped;
     }
+    let reasons = if total.without == 0 { "" } else { " (the results say why)" };
     note(format_args!(
-        "found {} poses; {} detections have none, with the reason in the results",
-        total.posed, total.without
+        "found {} poses, {} detections have none{reasons}; wrote `{}`",
+        total.posed,
+        total.without,
+        arguments.out.display()
     ));
     if total.posed == 0 {
         warn("no detection has a pose");

@@ -3,7 +3,7 @@
 //! The paper's translation and rotation deviations are sums over the three axes, not norms; both are kept, under
 //! different names.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::geometry::{Cuboid, EulerAngles, wrap_angle};
 
@@ -45,8 +45,9 @@ pub fn pose_deviation(predicted: &Cuboid, truth: &Cuboid, model_is_right: bool) 
 /// One detection's score: `None` where there is no pose.
 pub type Scored = Option<PoseDeviation>;
 
-/// Scores of many detections; means are over the fitted ones, as in the paper, unless the name says otherwise.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// Scores of many detections; means are over the fitted ones, as in the paper, unless the name says otherwise, and NaN
+/// (`null` in JSON) where none was fitted.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PoseScores {
     /// Detections, fitted or not.
     pub count: usize,
@@ -74,13 +75,32 @@ pub struct PoseScores {
     pub median_angle: f64,
 }
 
+impl PoseScores {
+    /// The scores of `count` detections none of which has a pose.
+    fn without_fit(count: usize) -> Self {
+        Self {
+            count,
+            unfittable: if count == 0 { f64::NAN } else { 1.0 },
+            model_precision: f64::NAN,
+            mean_iou3d: f64::NAN,
+            median_iou3d: f64::NAN,
+            mean_iou3d_all: if count == 0 { f64::NAN } else { 0.0 },
+            delta_t: f64::NAN,
+            delta_r: f64::NAN,
+            delta_xyz: [f64::NAN; 3],
+            delta_angles: [f64::NAN; 3],
+            median_distance: f64::NAN,
+            median_angle: f64::NAN,
+        }
+    }
+}
+
 /// Scores of detections in the order given.
 pub fn summarize(scored: impl IntoIterator<Item = Scored>) -> PoseScores {
     let all: Vec<Scored> = scored.into_iter().collect();
     let fitted: Vec<PoseDeviation> = all.iter().flatten().copied().collect();
     if fitted.is_empty() {
-        let unfittable = if all.is_empty() { 0.0 } else { 1.0 };
-        return PoseScores { count: all.len(), unfittable, ..Default::default() };
+        return PoseScores::without_fit(all.len());
     }
     let n = fitted.len() as f64;
     let mean = |value: &dyn Fn(&PoseDeviation) -> f64| fitted.iter().map(value).sum::<f64>() / n;
@@ -150,7 +170,10 @@ mod tests {
 
     #[test]
     fn nothing_has_no_scores() {
-        assert_eq!(summarize([]), PoseScores::default());
-        assert!((summarize([None]).unfittable - 1.0).abs() < 1e-12);
+        assert!(summarize([]).unfittable.is_nan());
+        let scores = summarize([None]);
+        assert!((scores.unfittable - 1.0).abs() < 1e-12 && scores.mean_iou3d_all.abs() < 1e-12);
+        // A run without a single fit must not look like a perfect one.
+        assert!(scores.delta_t.is_nan() && scores.model_precision.is_nan());
     }
 }

@@ -144,7 +144,7 @@ fn evaluate_vehicle(
     };
     let estimate = match &detection {
         Some(detection) => estimator.estimate(&frame.camera, detection, &extent),
-        None => Err(NoPose::TooFewCorrespondences { found: 0 }),
+        None => Err(NoPose::TooFewCorrespondences { found: 0, seen: 0 }),
     };
     let scored = estimate.as_ref().ok().map(|estimate| deviation(frame, vehicle, estimate));
     let scaling = configuration.pose.scaling;

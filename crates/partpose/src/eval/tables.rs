@@ -86,8 +86,8 @@ pub fn score_table(title: &str, rows: &[(String, PoseScores)]) -> Table {
     ];
     let mut table = Table::new(title, &columns);
     for (name, s) in rows {
-        let percent = |share: f64| format!("{:.2}", 100.0 * share);
-        let two = |value: f64| format!("{value:.2}");
+        let two = |value: f64| if value.is_nan() { String::new() } else { format!("{value:.2}") };
+        let percent = |share: f64| two(100.0 * share);
         let mut cells = vec![name.clone(), s.count.to_string()];
         cells.extend([s.unfittable, s.model_precision, s.mean_iou3d, s.median_iou3d].map(percent));
         cells.extend([s.delta_t, s.delta_r].map(two));
@@ -146,8 +146,7 @@ mod tests {
             rows.last().map(|row| (row.kernel, row.pose.filters)),
             Some((56, PartFilters::ALL))
         );
-        let scores: Vec<_> =
-            rows.iter().map(|row| (row.name.clone(), PoseScores::default())).collect();
+        let scores: Vec<_> = rows.iter().map(|row| (row.name.clone(), summarize([]))).collect();
         let tables = paper_tables(&scores);
         assert_eq!(tables.iter().map(|table| table.rows.len()).collect::<Vec<_>>(), [8, 8, 3]);
     }

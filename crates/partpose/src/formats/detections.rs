@@ -93,11 +93,15 @@ pub fn read_detections(path: &Path) -> Result<DetectionFile, DetectionFileError>
     reader.expect_shape("scores", &shape, &[count])?;
     let (shape, probabilities) = reader.numbers("part_probabilities")?;
     let m = shape.last().copied().unwrap_or(0);
-    reader.expect_shape("part_probabilities", &shape, &[count, CHANNELS, m, m])?;
+    if shape != [count, CHANNELS, m, m] {
+        let reason = format!("has the shape {shape:?}, but [{count}, {CHANNELS}, m, m] is needed");
+        return Err(reader.tensor_error("part_probabilities", reason));
+    }
     if m == 0 || m > MAX_KERNEL {
         let reason = format!("has kernels of {m} cells a side; 1 to {MAX_KERNEL} are read");
         return Err(reader.tensor_error("part_probabilities", reason));
     }
+    check_sums(&reader, &probabilities, m)?;
     let unknown = match reader.optional("unknown")? {
         Some((shape, values)) => {
             reader.expect_shape("unknown", &shape, &[count, m, m])?;
@@ -194,6 +198,30 @@ pub fn write_detections(path: &Path, file: &DetectionFile) -> Result<(), Detecti
     let bytes = safetensors::serialize(tensors, Some(metadata))
         .map_err(|source| DetectionFileError::Container { path: path.to_owned(), source })?;
     Ok(files::write(path, &bytes)?)
+}
+
+/// Largest mean distance of a cell's sum from 1; rounding to half precision stays far below.
+const MAX_SUM_ERROR: f64 = 0.05;
+
+/// Sigmoids and logits look like probabilities one by one; their sums tell.
+fn check_sums(reader: &Reader, probabilities: &[f32], m: usize) -> Result<(), DetectionFileError> {
+    let cells = m * m;
+    let mut distance = 0.0;
+    for kernel in probabilities.chunks_exact(CHANNELS * cells) {
+        for cell in 0..cells {
+            let sum: f32 = (0..CHANNELS).map(|channel| kernel[channel * cells + cell]).sum();
+            distance += f64::from((sum - 1.0).abs());
+        }
+    }
+    let mean = distance / (probabilities.len() / CHANNELS).max(1) as f64;
+    // Values that are no numbers at all are named by their detection.
+    if mean.is_nan() || mean <= MAX_SUM_ERROR {
+        return Ok(());
+    }
+    let reason = format!(
+        "does not sum to 1 over the 30 channels of a cell: it misses by {mean:.2} on average; a soft-max is meant"
+    );
+    Err(reader.tensor_error("part_probabilities", reason))
 }
 
 /// Largest side of a vehicle that is believed, metres.
@@ -307,7 +335,8 @@ impl Reader<'_> {
             .iter()
             .map(|index| {
                 valid(index).ok_or_else(|| {
-                    let reason = format!("holds {index}, but there are {images} image names");
+                    let reason =
+                        format!("holds {index}, but the metadata `images` has {images} names");
                     self.tensor_error("image", reason)
                 })
             })
@@ -366,6 +395,16 @@ mod tests {
     }
 
     #[test]
+    fn sigmoids_are_refused() {
+        let mut bad = file();
+        for (_, detection) in &mut bad.detections {
+            detection.probabilities = PartProbabilities::new(2, vec![0.9; CHANNELS * 4]).unwrap();
+        }
+        let error = read_bytes(&bytes_of(&bad)).unwrap_err().to_string();
+        assert!(error.contains("does not sum to 1") && error.contains("26.00"), "{error}");
+    }
+
+    #[test]
     fn impossible_detections_are_named() {
         let mut bad = file();
         bad.detections[1].1.bounds.x_max = 0.0;
@@ -374,7 +413,10 @@ mod tests {
         let mut bad = file();
         bad.detections[0].0 = 9;
         let error = read_bytes(&bytes_of(&bad)).unwrap_err().to_string();
-        assert!(error.contains("tensor `image` holds 9, but there are 2 image names"), "{error}");
+        assert!(
+            error.contains("tensor `image` holds 9, but the metadata `images` has 2 names"),
+            "{error}"
+        );
     }
 
     proptest! {

@@ -163,10 +163,14 @@ impl PoseEstimate {
 #[non_exhaustive]
 pub enum NoPose {
     /// The paper's *unfittable*.
-    #[error("{found} parts are left to fit, at least {MIN_CORRESPONDENCES} are needed")]
+    #[error(
+        "{found} parts are left to fit of {seen} seen, at least {MIN_CORRESPONDENCES} are needed"
+    )]
     TooFewCorrespondences {
         /// Parts that mask and model share after the filters.
         found: usize,
+        /// Parts that the mask shows.
+        seen: usize,
     },
     /// The solver found none.
     #[error(transparent)]
@@ -237,9 +241,10 @@ impl PoseEstimator {
         }
         let mask = detection.part_mask(camera.size, self.options.scaling);
         let mut parts = part_evidence(&mask, self.options.center_2d);
+        let seen = parts.len();
         self.options.filters.apply(&mut parts, &detection.bounds, camera.size);
         if parts.len() < MIN_CORRESPONDENCES {
-            return Err(NoPose::TooFewCorrespondences { found: parts.len() });
+            return Err(NoPose::TooFewCorrespondences { found: parts.len(), seen });
         }
         let problem = Problem { camera, detection, parts };
         let mut renderer = LabelRenderer::default();
@@ -308,7 +313,7 @@ impl PoseEstimator {
         if self.options.center_3d != Center3d::Visible {
             return fixed;
         }
-        let mut best = Err(NoPose::TooFewCorrespondences { found: 0 });
+        let mut best = Err(NoPose::TooFewCorrespondences { found: 0, seen: problem.parts.len() });
         for start in self.visible_starts(model, problem, &scale, fixed.as_ref().ok()) {
             let refined = self.follow_visible(model, problem, &scale, start, renderer);
             best = fit::better(best, refined);
@@ -357,7 +362,7 @@ impl PoseEstimator {
         let image = problem.camera.image_rect();
         let window: Rect = problem.detection.bounds;
         let known = |pixel: &Point2| visible::knows(problem.detection, &image, pixel);
-        let mut best = Err(NoPose::TooFewCorrespondences { found: 0 });
+        let mut best = Err(NoPose::TooFewCorrespondences { found: 0, seen: problem.parts.len() });
         let mut camera_from_vehicle = start;
         for _ in 0..VISIBLE_ROUNDS {
             let view = View {

@@ -42,7 +42,10 @@ pub(super) fn solve(
         })
         .collect();
     if pairs.len() < MIN_CORRESPONDENCES {
-        return Err(NoPose::TooFewCorrespondences { found: pairs.len() });
+        return Err(NoPose::TooFewCorrespondences {
+            found: pairs.len(),
+            seen: problem.parts.len(),
+        });
     }
     let correspondences: Vec<Correspondence> = pairs.iter().map(|(_, c)| *c).collect();
     let camera = problem.camera;

@@ -21,7 +21,7 @@ use partpose::vehicle::ModelZoo;
 use crate::commands::provenance;
 use crate::pose_flags::PoseFlags;
 use crate::progress;
-use crate::report::{Outcome, hint, warn, warn_error};
+use crate::report::{Outcome, hint, note, warn, warn_error};
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
@@ -43,7 +43,7 @@ pub(crate) struct Arguments {
     /// Folder of the models; `{fold}` stands for the number of the fold
     #[arg(long, value_name = "DIR")]
     zoo: String,
-    /// Make detections from the ground truth
+    /// Make detections from the ground truth: the only source so far, so it must be given
     #[arg(long)]
     oracle: bool,
     /// Cells a side of the oracle's kernels
@@ -135,6 +135,10 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         ));
     }
     output::write(arguments, &evaluated)?;
+    note(format_args!(
+        "wrote tables, metrics and the list of vehicles to `{}`",
+        arguments.out.display()
+    ));
     Ok(if evaluated.skipped == 0 { Outcome::Done } else { Outcome::Skipped })
 }
 
@@ -146,6 +150,12 @@ fn evaluate(
 ) -> anyhow::Result<Evaluated> {
     let sequences = frames::sequences(arguments, dataset)?;
     let (frames, mut skipped) = frames::read(dataset, &sequences, arguments.stride)?;
+    let unknown = frames::without_model(&frames, &zoos[0]);
+    if unknown > 0 {
+        note(format_args!(
+            "left out {unknown} labelled vehicles whose model the zoo does not have"
+        ));
+    }
     for fold in folds {
         let zoo = frames::zoo_path(arguments, *fold);
         if let Some(objection) = provenance::objection(&zoo, &sequences, *fold) {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use partpose::dataset::folds::Fold;
 use partpose::dataset::{Dataset, Fault, Frame, SequenceId};
+use partpose::vehicle::ModelZoo;
 
 use super::Arguments;
 use crate::report::{hint, warn};
@@ -66,9 +67,23 @@ pub(super) fn read(
     Ok((frames, skipped))
 }
 
+/// How many vehicles that are not to be ignored show a model that the zoo lacks.
+pub(super) fn without_model(frames: &[Frame], zoo: &ModelZoo) -> usize {
+    let vehicles = frames.iter().flat_map(|frame| &frame.vehicles).filter(|v| !v.dont_care);
+    let known = |name: &str| zoo.get(name).is_some();
+    vehicles.filter(|vehicle| !vehicle.model.as_deref().is_some_and(known)).count()
+}
+
 /// The folds to score, one zoo each.
 pub(super) fn folds(arguments: &Arguments) -> anyhow::Result<Vec<Option<Fold>>> {
-    let Some(text) = &arguments.fold else { return Ok(vec![None]) };
+    let Some(text) = &arguments.fold else {
+        if arguments.zoo.contains("{fold}") {
+            anyhow::bail!(
+                "`{{fold}}` in `--zoo` stands for the number of a fold, so it needs `--fold`"
+            );
+        }
+        return Ok(vec![None]);
+    };
     let Some(count) = text.strip_prefix("all/") else {
         return Ok(vec![Some(Fold::parse(text)?)]);
     };
