@@ -20,6 +20,15 @@ $partpose evaluate poses --dataset "$data" --worlds $worlds --fold all/4 --zoo "
 $partpose evaluate poses --dataset "$data" --worlds $worlds --fold all/4 --zoo "$out/zoo-{fold}" --oracle \
   --tables --degrade 84.7 --stride 3 --out "$out/folds-degraded"
 
+# The better setting, with and without filters, errors and sizes.
+better="--fit sqpnp --points-2d cm --points-3d visible --refine"
+for row in "all:" "none:--filters none" "all-degraded:--degrade 84.7" "none-degraded:--filters none --degrade 84.7" \
+  "none-model:--filters none --extent model" "none-model-degraded:--filters none --extent model --degrade 84.7"; do
+  # shellcheck disable=SC2086
+  $partpose evaluate poses --dataset "$data" --worlds $worlds --fold all/4 --zoo "$out/zoo-{fold}" --oracle \
+    $better ${row#*:} --out "$out/better-${row%%:*}"
+done
+
 # Protocol "0001 to 0018": one world is carved, the other is scored.
 $partpose zoo carve --dataset "$data" --worlds 0001 --models $models --out "$out/zoo-0001" --report "$out/carve-0001"
 $partpose evaluate poses --dataset "$data" --worlds 0018 --zoo "$out/zoo-0001" --oracle --tables --out "$out/0001-to-0018"
