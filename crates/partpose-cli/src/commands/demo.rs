@@ -152,7 +152,7 @@ fn summary(folder: &Path, scores: &PoseScores, accuracies: &[f64]) -> anyhow::Re
     files::write(&folder.join("metrics.json"), text.as_bytes())?;
     let percent = 100.0 * accuracy;
     note(format_args!(
-        "masks with {percent:.1} % of the pixels right, as a network would make them"
+        "masks with {percent:.1} % of the pixels right, as a network would make them; sizes are given"
     ));
     note(format_args!("wrote pictures, poses and scores to `{}`", folder.display()));
     let out = folder.display();
