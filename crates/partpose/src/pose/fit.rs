@@ -119,7 +119,7 @@ fn refine(
     inliers: &[bool],
     start: &Pose,
 ) -> Result<Pose, NoPose> {
-    // Errors of a centre on ground-truth masks: half a pixel, and a share of the part's own spread.
+    // A centre errs by half a pixel and by a share of the part's own spread; chosen, not fitted to data.
     const PIXEL_VARIANCE: f64 = 0.25;
     const SPREAD: f64 = 0.1;
     let weighted: Vec<WeightedCorrespondence> = pairs
