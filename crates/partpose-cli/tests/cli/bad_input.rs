@@ -12,19 +12,20 @@ fn good() -> tempfile::TempDir {
     folder
 }
 
+const FIT: [&str; 9] = [
+    "fit",
+    "--detections",
+    "detections.safetensors",
+    "--camera",
+    "camera.toml",
+    "--zoo",
+    "zoo",
+    "--out",
+    "out",
+];
+
 fn fit(folder: &Path) -> String {
-    let arguments = [
-        "fit",
-        "--detections",
-        "detections.safetensors",
-        "--camera",
-        "camera.toml",
-        "--zoo",
-        "zoo",
-        "--out",
-        "out",
-    ];
-    run(folder, &arguments)
+    run(folder, &FIT)
 }
 
 /// `fit` must end with 2, name the file, give a hint, and write nothing.
@@ -109,16 +110,14 @@ fn evaluation_without_a_data_set_is_refused() {
     }
 }
 
-#[test]
-fn one_bad_frame_is_reported_and_the_rest_is_done() {
-    let folder = good();
-    let root = folder.path().join("vkitti");
+/// `vkitti`: two frames with a car; the second frame's mask is cut off.
+fn two_frames(folder: &Path) {
+    let root = folder.join("vkitti");
     let write = |path: &str, text: &[u8]| {
         let path = root.join(path);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, text).unwrap();
     };
-    // Two frames with a car; the second frame's mask is cut off.
     let header = "frame tid label truncated occluded alpha l t r b w3d h3d l3d x3d y3d z3d ry rx rz truncr occupr \
                   orig_label moving model color\n";
     let row = |frame: u32| {
@@ -132,15 +131,6 @@ fn one_bad_frame_is_reported_and_the_rest_is_done() {
     let png = partpose::files::encode_png(&image);
     write("parts/0001/clone/00000.png", &png);
     write("parts/0001/clone/00001.png", &png[..png.len() / 2]);
-    let arguments =
-        ["evaluate", "poses", "--dataset", "vkitti", "--zoo", "zoo", "--oracle", "--out", "out"];
-    let said = run(folder.path(), &arguments);
-    assert!(said.contains("0001/clone/00001") && said.ends_with("--- exit 1\n"), "{said}");
-    // With errors asked for, the bad frame does not stop the search for their strength either.
-    let said = run(folder.path(), &[&arguments[..], &["--degrade", "90"]].concat());
-    assert!(said.ends_with("--- exit 1\n"), "{said}");
-    let metrics = fs::read_to_string(folder.path().join("out/metrics.json")).unwrap();
-    assert!(metrics.contains("\"skipped_frames\": 1"), "{metrics}");
 }
 
 #[test]
@@ -158,17 +148,6 @@ fn images_that_share_a_file_are_refused() {
 #[test]
 fn flags_that_make_no_sense_are_refused() {
     let folder = good();
-    let base = [
-        "fit",
-        "--detections",
-        "detections.safetensors",
-        "--camera",
-        "camera.toml",
-        "--zoo",
-        "zoo",
-        "--out",
-        "out",
-    ];
     for more in [
         ["--min-score", "nan"],
         ["--extent", "1e300,1,1"],
@@ -177,7 +156,7 @@ fn flags_that_make_no_sense_are_refused() {
         ["--small-part", "2"],
         ["--border", "4294967295"],
     ] {
-        let said = run(folder.path(), &[&base[..], &more[..]].concat());
+        let said = run(folder.path(), &[&FIT[..], &more[..]].concat());
         assert!(said.contains("error:") && said.ends_with("--- exit 2\n"), "{more:?}: {said}");
     }
 }
@@ -188,6 +167,21 @@ fn folder_that_is_a_file_is_told_before_the_work() {
     fs::write(folder.path().join("out"), "a file").unwrap();
     let said = fit(folder.path());
     assert!(said.contains("`out`") && said.ends_with("--- exit 2\n"), "{said}");
+}
+
+#[test]
+fn one_bad_frame_is_reported_and_the_rest_is_done() {
+    let folder = good();
+    two_frames(folder.path());
+    let arguments =
+        ["evaluate", "poses", "--dataset", "vkitti", "--zoo", "zoo", "--oracle", "--out", "out"];
+    let said = run(folder.path(), &arguments);
+    assert!(said.contains("0001/clone/00001") && said.ends_with("--- exit 1\n"), "{said}");
+    // With errors asked for, the bad frame does not stop the search for their strength either.
+    let said = run(folder.path(), &[&arguments[..], &["--degrade", "90"]].concat());
+    assert!(said.ends_with("--- exit 1\n"), "{said}");
+    let metrics = fs::read_to_string(folder.path().join("out/metrics.json")).unwrap();
+    assert!(metrics.contains("\"skipped_frames\": 1"), "{metrics}");
 }
 
 #[test]
@@ -208,4 +202,18 @@ fn folds_need_a_zoo_each() {
     ];
     let said = run(folder.path(), &arguments);
     assert!(said.contains("{fold}") && said.ends_with("--- exit 2\n"), "{said}");
+}
+
+#[test]
+fn carve_tells_of_a_folder_it_cannot_write_before_the_work() {
+    let folder = good();
+    two_frames(folder.path());
+    for (out, report) in [("file", "report"), ("models", "file")] {
+        fs::write(folder.path().join("file"), "a file").unwrap();
+        let arguments = ["zoo", "carve", "--dataset", "vkitti", "--worlds", "0001"];
+        let said =
+            run(folder.path(), &[&arguments[..], &["--out", out, "--report", report]].concat());
+        assert!(said.contains("`file` is a file, not a folder"), "{said}");
+        assert!(said.ends_with("--- exit 2\n"), "{said}");
+    }
 }

@@ -48,6 +48,10 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let leave_out = |sequence: &SequenceId, track: u32| {
         folds.as_ref().is_some_and(|(fold, folds)| folds.contains(*fold, sequence, track))
     };
+    // Carving takes minutes; what cannot be written to is told before.
+    for folder in std::iter::once(&arguments.out).chain(&arguments.report) {
+        partpose::files::create_folder(folder)?;
+    }
     let bar = progress::bar("masks", 1);
     let mut observe = |progress| match progress {
         Progress::Reading { done, total } => {
@@ -65,10 +69,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         hint(error, remedy)
     })?;
     for skipped in &carved.skipped {
-        report::warn(skipped);
-        if let Some(cause) = std::error::Error::source(skipped) {
-            report::note(format_args!("  caused by: {cause}"));
-        }
+        report::warn_error("left a model out", skipped);
     }
     if carved.models.is_empty() {
         let error = anyhow::anyhow!("no model could be carved");
@@ -80,10 +81,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mut table = table_of(&carved.models);
     let zoo =
         ModelZoo { models: carved.models.iter().map(|carved| carved.model.clone()).collect() };
-    zoo.save(&arguments.out).map_err(|error| match error.remedy() {
-        Some(remedy) => hint(error, remedy),
-        None => error.into(),
-    })?;
+    zoo.save(&arguments.out)?;
     provenance::write(&arguments.out, dataset.root(), &sequences, arguments.fold)?;
     if let Some(folder) = &arguments.report {
         let measured =
