@@ -4,6 +4,7 @@ pub(crate) mod dataset;
 pub(crate) mod demo;
 pub(crate) mod evaluate;
 pub(crate) mod fit;
+pub(crate) mod label;
 pub(crate) mod provenance;
 pub(crate) mod result_files;
 pub(crate) mod zoo;

@@ -28,6 +28,8 @@ enum Command {
     /// Inspect data sets
     #[command(subcommand)]
     Dataset(commands::dataset::Command),
+    /// Make part labels for a boxed data set
+    Label(commands::label::Arguments),
     /// Turn anybody's detections into poses
     Fit(commands::fit::Arguments),
     /// Score poses and solvers against ground truth
@@ -40,6 +42,7 @@ fn main() -> ExitCode {
         Command::Demo(arguments) => commands::demo::run(&arguments),
         Command::Zoo(command) => commands::zoo::run(&command),
         Command::Dataset(command) => commands::dataset::run(&command),
+        Command::Label(arguments) => commands::label::run(&arguments),
         Command::Fit(arguments) => commands::fit::run(&arguments),
         Command::Evaluate(command) => commands::evaluate::run(&command),
     };

@@ -1,5 +1,6 @@
 //! What other programs write for us and read from us; described in `docs/formats.md`.
 
+pub mod coco;
 mod detections;
 mod kitti;
 mod results;

@@ -29,6 +29,7 @@
 //! The modules form layers, listed bottom to top in `ARCHITECTURE.md`; each uses only those below it, which
 //! `tests/layers.rs` enforces.
 
+pub mod annotate;
 pub mod carve;
 pub mod dataset;
 pub mod detection;
@@ -36,6 +37,7 @@ pub mod eval;
 pub mod files;
 pub mod formats;
 pub mod geometry;
+pub mod labeling;
 pub mod oracle;
 pub mod parts;
 pub mod pnp;

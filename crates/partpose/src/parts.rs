@@ -4,6 +4,7 @@ mod class;
 mod map;
 mod mask;
 mod probabilities;
+pub mod rle;
 
 pub use class::{CoarseClass, FineClass, PartClass, PartGroup};
 pub use map::PartMap;

@@ -4,6 +4,7 @@
 //! of the zoo, and the model with the lowest reprojection error wins ([`PoseEstimator`]).
 
 mod centers;
+pub mod dense;
 mod estimator;
 mod filters;
 mod fit;

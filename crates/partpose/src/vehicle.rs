@@ -1,9 +1,11 @@
 //! Annotated vehicle models and the zoo that holds them.
 
+pub mod check;
 mod glb;
 mod glb_read;
 mod glb_schema;
 mod glb_write;
+pub mod import;
 mod mesh;
 mod model;
 mod parametric;

@@ -1,7 +1,11 @@
 //! `partpose zoo`: makes and inspects annotated models.
 
+mod annotate;
 mod carve;
 mod carve_report;
+mod check;
+mod generate;
+mod import;
 mod list;
 mod show;
 
@@ -17,6 +21,14 @@ pub(crate) enum Command {
     List(list::Arguments),
     /// Draw a turntable of a model
     Show(show::Arguments),
+    /// Find what is wrong with models and say what to do
+    Check(check::Arguments),
+    /// Write the procedural models
+    Generate(generate::Arguments),
+    /// Read a CAD model and give its parts their classes by name
+    Import(import::Arguments),
+    /// Transfer part labels to a model from the nearest labelled one
+    Annotate(annotate::Arguments),
     /// Build annotated models from part masks with known poses
     Carve(carve::Arguments),
 }
@@ -25,6 +37,10 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Outcome> {
     match command {
         Command::List(arguments) => list::run(arguments),
         Command::Show(arguments) => show::run(arguments),
+        Command::Check(arguments) => check::run(arguments),
+        Command::Generate(arguments) => generate::run(arguments),
+        Command::Import(arguments) => import::run(arguments),
+        Command::Annotate(arguments) => annotate::run(arguments),
         Command::Carve(arguments) => carve::run(arguments),
     }
 }

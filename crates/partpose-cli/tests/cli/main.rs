@@ -5,8 +5,13 @@
 
 mod bad_input;
 mod dataset_check;
+mod label;
 mod poses;
 mod zoo;
+mod zoo_annotate;
+mod zoo_check;
+mod zoo_generate;
+mod zoo_import;
 
 use std::path::Path;
 use std::process::Command;

@@ -1,0 +1,1 @@
+//! Part labels for unlabelled meshes, transferred from labelled models.

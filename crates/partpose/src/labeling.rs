@@ -1,0 +1,1 @@
+//! Part labels for boxed data sets (paper, labelling pipeline).

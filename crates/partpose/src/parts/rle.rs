@@ -1,0 +1,1 @@
+//! Run-length encoding of masks as COCO has it.

@@ -1,0 +1,1 @@
+//! The fit of every pixel and every probability.

@@ -1,0 +1,1 @@
+//! What is wrong with a vehicle model, and what to do about it.

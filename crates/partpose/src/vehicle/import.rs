@@ -1,0 +1,1 @@
+//! Vehicle models of others: glTF and GLB, OBJ with MTL, PLY.
