@@ -8,12 +8,14 @@ mod contours;
 mod font;
 mod labels;
 mod overlay;
+mod plot;
 mod scene;
 mod shade;
 mod turntable;
 
 pub use birds_eye::{BirdsEyeOptions, birds_eye};
 pub use overlay::{overlay, side_by_side};
+pub use plot::{Axis, Mark, Plot, Series, contact_sheet, plot};
 pub use scene::{PointPair, ScenePicture, VehiclePicture};
 pub use shade::{ShadeOptions, shade};
 pub use turntable::{TurntableOptions, turntable};
