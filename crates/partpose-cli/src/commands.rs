@@ -7,4 +7,5 @@ pub(crate) mod fit;
 pub(crate) mod label;
 pub(crate) mod provenance;
 pub(crate) mod result_files;
+pub(crate) mod synth;
 pub(crate) mod zoo;

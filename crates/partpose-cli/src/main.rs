@@ -30,6 +30,8 @@ enum Command {
     Dataset(commands::dataset::Command),
     /// Make part labels for a boxed data set
     Label(commands::label::Arguments),
+    /// Make a synthetic labelled data set
+    Synth(commands::synth::Arguments),
     /// Turn anybody's detections into poses
     Fit(commands::fit::Arguments),
     /// Score poses and solvers against ground truth
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
         Command::Zoo(command) => commands::zoo::run(&command),
         Command::Dataset(command) => commands::dataset::run(&command),
         Command::Label(arguments) => commands::label::run(&arguments),
+        Command::Synth(arguments) => commands::synth::run(&arguments),
         Command::Fit(arguments) => commands::fit::run(&arguments),
         Command::Evaluate(command) => commands::evaluate::run(&command),
     };

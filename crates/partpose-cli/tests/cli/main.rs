@@ -5,8 +5,10 @@
 
 mod bad_input;
 mod dataset_check;
+mod evaluate_others;
 mod label;
 mod poses;
+mod synth;
 mod zoo;
 mod zoo_annotate;
 mod zoo_check;

@@ -1,0 +1,1 @@
+//! What a camera makes of light: exposure, noise, blur, flare, drops, JPEG.

@@ -1,0 +1,167 @@
+//! What a picture is made of: objects with materials, light, air and a camera.
+//!
+//! This is the seam between the world, which places things, and the shading, which draws them; both only know these
+//! plain types.
+
+use std::sync::Arc;
+
+use nalgebra::{Point3, Vector3};
+use partpose::geometry::{Camera, Pose};
+
+/// One moment, ready to be drawn.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// What there is.
+    pub objects: Vec<Object>,
+    /// Sun and sky.
+    pub light: Light,
+    /// Fog, rain, wetness.
+    pub air: Air,
+    /// The ideal pinhole camera.
+    pub camera: Camera,
+    /// Where it stands.
+    pub world_from_camera: Pose,
+    /// How far it moves and turns while the shutter is open: the pose at the end of the exposure.
+    pub world_from_camera_after: Pose,
+}
+
+/// A mesh in its place.
+#[derive(Clone, Debug)]
+pub struct Object {
+    /// Shared by all objects of its kind.
+    pub mesh: Arc<SurfaceMesh>,
+    /// The faces' materials, by [`SurfaceMesh::materials`].
+    pub materials: Arc<[Material]>,
+    /// Where it is.
+    pub world_from_object: Pose,
+    /// Factors per axis of the object's frame, applied first.
+    pub scale: Vector3<f64>,
+    /// Its class in `scenegt`.
+    pub class: SegmentClass,
+    /// Above 0 for vehicles that have a row in `motgt`: its place in the frame's list, counted from 1.
+    pub instance: u16,
+    /// Whether its part labels are drawn.
+    pub has_parts: bool,
+}
+
+/// Triangles with what shading needs.
+#[derive(Clone, Debug, Default)]
+pub struct SurfaceMesh {
+    /// Positions in the object's frame, metres.
+    pub vertices: Vec<Point3<f32>>,
+    /// Unit directions, one a vertex; shading interpolates them.
+    pub normals: Vec<Vector3<f32>>,
+    /// Texture coordinates in metres along the surface, one a vertex.
+    pub coordinates: Vec<[f32; 2]>,
+    /// Corners, counter-clockwise seen from outside.
+    pub faces: Vec<[u32; 3]>,
+    /// Index into [`Object::materials`] of every face.
+    pub materials: Vec<u16>,
+    /// Part id of every face, 0 for none.
+    pub parts: Vec<u8>,
+}
+
+/// How a surface takes light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Material {
+    /// Share of the light that is scattered back, linear RGB.
+    pub color: [f32; 3],
+    /// What varies the colour over the surface.
+    pub texture: Texture,
+    /// 0 mirror, 1 chalk.
+    pub roughness: f32,
+    /// 0 dielectric, 1 metal.
+    pub metallic: f32,
+    /// Share of a smooth clear layer on top.
+    pub clear_coat: f32,
+    /// Share of the light that comes through, tinted by the colour; the surface behind shows.
+    pub transmission: f32,
+    /// Light of its own, linear RGB; 1 is a white surface in full sun.
+    pub emission: [f32; 3],
+    /// Dirt, 0 to 1, more towards the ground.
+    pub dirt: f32,
+}
+
+/// Patterns, computed where they are seen; no image files.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Texture {
+    /// One colour.
+    Plain,
+    /// Fractal noise between the colour and another.
+    Noise {
+        /// The other colour, linear RGB.
+        other: [f32; 3],
+        /// Size of the largest blotches, metres.
+        size: f32,
+    },
+    /// Asphalt: fine grain, patches, cracks, wheel tracks along the first coordinate.
+    Asphalt,
+    /// Stones or slabs in rows, with joints.
+    Slabs {
+        /// Width and height of a slab, metres.
+        size: [f32; 2],
+        /// Width of the joints, metres.
+        joint: f32,
+    },
+    /// Rows of windows in a wall.
+    Facade {
+        /// Width and height of a window's field, metres.
+        field: [f32; 2],
+        /// Width and height of the window itself, metres.
+        window: [f32; 2],
+        /// Chooses colours of curtains and which windows are lit.
+        seed: u32,
+    },
+    /// Leaves: parts of the face are not there.
+    Leaves {
+        /// Share that is there.
+        cover: f32,
+        /// Size of a leaf, metres.
+        size: f32,
+    },
+    /// Blades of grass as noise in two scales.
+    Grass,
+}
+
+/// Sun and sky.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Light {
+    /// Unit direction towards the sun, world frame (y down, so up is negative).
+    pub to_sun: Vector3<f64>,
+    /// Haze of the sky: 2 very clear, 10 hazy.
+    pub turbidity: f64,
+    /// 0 clear, 1 the sun is hidden and the sky even.
+    pub overcast: f64,
+}
+
+/// What is in the air and on the ground.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Air {
+    /// Share of light lost a metre.
+    pub fog: f64,
+    /// Streaks of rain: 0 none, 1 heavy.
+    pub rain: f64,
+    /// How wet the road is: 0 dry, 1 mirroring.
+    pub wetness: f64,
+}
+
+/// Classes of Virtual KITTI's `scenegt`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u8)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum SegmentClass {
+    Sky,
+    Terrain,
+    Tree,
+    Vegetation,
+    Building,
+    Road,
+    GuardRail,
+    TrafficSign,
+    TrafficLight,
+    Pole,
+    Misc,
+    Truck,
+    Car,
+    Van,
+}

@@ -1,0 +1,1 @@
+//! Images and labels of a scene: rasterised, shaded in linear light.

@@ -1,0 +1,1 @@
+//! Roads, surroundings and traffic.
