@@ -220,6 +220,12 @@ impl ParametricVehicle {
         self.bed_depth >= 0.1
     }
 
+    /// Height of the load bed's floor: never lower than the wheel arches reach.
+    fn bed_floor(&self) -> f64 {
+        let arches = 0.5 * self.wheel_diameter + self.arch_radius();
+        (self.deck_height - self.bed_depth).max(arches + 0.01)
+    }
+
     /// Height of the windows' lower edge.
     fn belt(&self, z: f64) -> f64 {
         let front = self.axles()[0] - self.cowl_setback;

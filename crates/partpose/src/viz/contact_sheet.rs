@@ -27,7 +27,7 @@ pub struct ContactSheetOptions {
 impl Default for ContactSheetOptions {
     fn default() -> Self {
         Self {
-            tile: [264, 176],
+            tile: [264, 150],
             columns: 5,
             eighth: 1,
             elevation: 0.24,
@@ -38,6 +38,8 @@ impl Default for ContactSheetOptions {
 
 /// Rows of pixels below a picture for name and size.
 const CAPTION: u32 = 34;
+/// Share of a vehicle's length that is seen of it from between front and side.
+const SEEN: f64 = 0.8;
 
 /// Every model from the same side and at the same scale, with its name, body style and size.
 pub fn contact_sheet(models: &[VehicleModel], options: &ContactSheetOptions) -> RgbImage {
@@ -46,7 +48,9 @@ pub fn contact_sheet(models: &[VehicleModel], options: &ContactSheetOptions) -> 
     let rows = (models.len() as u32).div_ceil(columns).clamp(1, 64);
     let size = [columns * width, rows * (height + CAPTION)];
     let mut canvas = Canvas::new(size, options.shade.background);
-    let reach = models.iter().map(|model| longest(&model.mesh().vertices)).fold(0.0, f64::max);
+    // Seen at an angle, even the longest is shorter than it is.
+    let longest = models.iter().map(|model| longest(&model.mesh().vertices)).fold(0.0, f64::max);
+    let reach = SEEN * longest;
     for (i, model) in models.iter().enumerate().take((columns * rows) as usize) {
         let [column, row] = [i as u32 % columns, i as u32 / columns];
         let at = [(column * width) as i32, (row * (height + CAPTION)) as i32];

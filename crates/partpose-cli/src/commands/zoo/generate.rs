@@ -45,7 +45,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         report::data(&table_of(&vehicles))?;
         return Ok(Outcome::Done);
     }
-    let wanted = [&arguments.out, &arguments.report, &arguments.parameters, &arguments.contact_sheet];
+    let wanted =
+        [&arguments.out, &arguments.report, &arguments.parameters, &arguments.contact_sheet];
     if wanted.iter().all(|path| path.is_none()) {
         let error = anyhow::anyhow!("nothing to write");
         return Err(hint(error, "give `--out ZOO`, or `--list` to see what there is"));
@@ -54,7 +55,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if let Some(folder) = &arguments.out {
         // A folder that holds other models is refused here, before anything is written.
         zoo.save(folder)?;
-        note(format_args!("wrote {} models to `{}`", zoo.models.len(), folder.display()));
+        let count = zoo.models.len();
+        let plural = if count == 1 { "" } else { "s" };
+        note(format_args!("wrote {count} model{plural} to `{}`", folder.display()));
     }
     if let Some(folder) = &arguments.parameters {
         for vehicle in &vehicles {
@@ -90,15 +93,12 @@ fn chosen(names: Option<&[String]>) -> anyhow::Result<Vec<ParametricVehicle>> {
     Ok(vehicles)
 }
 
-fn build(
-    vehicles: &[ParametricVehicle],
-    file: Option<&Path>,
-) -> anyhow::Result<Vec<VehicleModel>> {
+fn build(vehicles: &[ParametricVehicle], file: Option<&Path>) -> anyhow::Result<Vec<VehicleModel>> {
     let one = |vehicle: &ParametricVehicle| {
         vehicle.build().map_err(|error| match file {
             None => error.into(),
             Some(path) => hint(
-                anyhow::Error::from(error).context(format!("`{}`", path.display())),
+                anyhow::anyhow!("`{}`: {error}", path.display()),
                 "docs/vehicles.md explains the parameters; begin with a vehicle of \
                  `partpose zoo generate --parameters DIR` and change little at a time",
             ),

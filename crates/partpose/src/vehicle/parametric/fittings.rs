@@ -112,12 +112,13 @@ pub(super) fn add_plates(v: &ParametricVehicle, half: &mut Half) {
             let corner = |[z, h]: [f64; 2], out: f64| Vertex {
                 lateral,
                 h: h + (1.0 - size) * (0.5 * (low[1] + high[1]) - h),
-                z: z + size * sign * out * thickness
+                // Never beyond the body's ends, which the extent is told by.
+                z: (z + size * sign * out * thickness).clamp(-v.nose(), v.nose())
                     + (1.0 - size) * (0.5 * (low[0] + high[0]) - z),
                 t: 0.0,
             };
             let [a, b, c, d] =
-                [corner(low, 0.5), corner(high, 0.5), corner(high, -1.6), corner(low, -1.6)];
+                [corner(low, 0.3), corner(high, 0.3), corner(high, -1.6), corner(low, -1.6)];
             if sign > 0.0 { vec![a, b, c, d] } else { vec![d, c, b, a] }
         };
         half.push_grid(

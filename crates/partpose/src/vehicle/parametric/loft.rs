@@ -97,8 +97,8 @@ pub(super) fn half_width(vehicle: &ParametricVehicle, p: Point) -> f64 {
         width -= vehicle.shoulder * shoulder * shoulder * (3.0 - 2.0 * shoulder);
         width -= rise * vehicle.tumblehome.to_radians().tan() + vehicle.side_curve * rise * rise;
     }
-    // However it is shaped, there is something between the sides.
-    width.max(0.1)
+    // However it is shaped, there is something between the sides, and nothing stands out of the width.
+    width.clamp(0.1, 0.5 * vehicle.width)
 }
 
 /// How far the edge of a wheel arch stands out from the side.
@@ -197,7 +197,7 @@ impl Bed {
         let between = |from: f64, to: f64| from - 1e-9 < t && t < to + 1e-9;
         between(start, end).then_some(Self {
             shares: [1.0, wall, low, 0.5 * low, 0.0],
-            floor: between(floor_start, floor_end).then_some(v.deck_height - v.bed_depth),
+            floor: between(floor_start, floor_end).then_some(v.bed_floor()),
         })
     }
 }

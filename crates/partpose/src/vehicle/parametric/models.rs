@@ -99,7 +99,7 @@ impl ParametricVehicle {
             headlamp_sweep: 0.10,
             grille_width: 0.86,
             tail_lamp_inner: 30.0,
-            tail_lamp_outer: 98.0,
+            tail_lamp_outer: 82.0,
             tail_lamp_top: 0.93,
             tail_lamp_bottom: 0.74,
             plate_height: 0.80,
@@ -145,6 +145,7 @@ impl ParametricVehicle {
             tail_lamp_top: 0.97,
             tail_lamp_bottom: 0.76,
             plate_height: 0.76,
+            tail_lamp_outer: 76.0,
             ..Self::sedan()
         }
         .named("hatchback", "hatchback-5-door")
@@ -189,11 +190,12 @@ impl ParametricVehicle {
             quarter_glass_rake: 38.0,
             headlamp_inner: 28.0,
             grille_width: 0.60,
-            tail_lamp_inner: 48.0,
+            tail_lamp_inner: 42.0,
             tail_lamp_top: 0.95,
             tail_lamp_bottom: 0.70,
             plate_height: 0.72,
             mirror_reach: 0.11,
+            tail_lamp_outer: 74.0,
             ..Self::hatchback()
         }
         .named("city-car", "hatchback-3-door")
@@ -334,10 +336,11 @@ impl ParametricVehicle {
             c_pillar: 0.09,
             quarter_glass_end: -0.72,
             quarter_glass_rake: 34.0,
-            tail_lamp_inner: 42.0,
+            tail_lamp_inner: 38.0,
             tail_lamp_top: 0.98,
             tail_lamp_bottom: 0.74,
             plate_height: 0.80,
+            tail_lamp_outer: 74.0,
             ..Self::sedan()
         }
         .named("estate", "estate")
@@ -441,12 +444,13 @@ impl ParametricVehicle {
             quarter_glass_end: -0.56,
             quarter_glass_rake: 34.0,
             headlamp_sweep: 0.08,
-            tail_lamp_inner: 42.0,
+            tail_lamp_inner: 38.0,
             tail_lamp_top: 1.13,
             tail_lamp_bottom: 0.90,
             plate_height: 0.88,
             mirror_height: 0.17,
             mirror_reach: 0.13,
+            tail_lamp_outer: 74.0,
             ..Self::sedan()
         }
         .named("suv-compact", "suv")
@@ -533,12 +537,13 @@ impl ParametricVehicle {
             quarter_glass_end: -0.60,
             quarter_glass_rake: 22.0,
             headlamp_sweep: 0.13,
-            tail_lamp_inner: 44.0,
+            tail_lamp_inner: 40.0,
             tail_lamp_top: 1.08,
             tail_lamp_bottom: 0.80,
             plate_height: 0.82,
             mirror_height: 0.17,
             mirror_reach: 0.13,
+            tail_lamp_outer: 72.0,
             ..Self::sedan()
         }
         .named("mpv", "minivan")
@@ -622,8 +627,8 @@ impl ParametricVehicle {
             quarter_glass_rake: 8.0,
             headlamp_sweep: 0.12,
             grille_width: 0.72,
-            tail_lamp_inner: 62.0,
-            tail_lamp_outer: 100.0,
+            tail_lamp_inner: 43.0,
+            tail_lamp_outer: 60.0,
             tail_lamp_top: 1.22,
             tail_lamp_bottom: 0.84,
             plate_height: 0.78,
@@ -674,6 +679,8 @@ impl ParametricVehicle {
             plate_height: 0.80,
             mirror_height: 0.26,
             mirror_reach: 0.18,
+            tail_lamp_inner: 43.0,
+            tail_lamp_outer: 59.0,
             ..Self::van_small()
         }
         .named("panel-van", "panel-van")
@@ -698,9 +705,9 @@ impl ParametricVehicle {
             cowl_height: 1.34,
             cowl_setback: 0.02,
             windscreen_rake: 44.0,
-            header_drop: 0.22,
+            header_drop: 0.17,
             roof_end_drop: 0.06,
-            roof_peak: 0.45,
+            roof_peak: 0.35,
             roof_radius: 0.14,
             rear_window_rake: 5.0,
             rear_window_gap: 0.42,
@@ -767,8 +774,8 @@ impl ParametricVehicle {
             rear_door_end: 0.52,
             quarter_glass_end: 0.52,
             quarter_glass_rake: 20.0,
-            tail_lamp_inner: 66.0,
-            tail_lamp_outer: 100.0,
+            tail_lamp_inner: 44.0,
+            tail_lamp_outer: 60.0,
             tail_lamp_top: 1.20,
             tail_lamp_bottom: 0.86,
             plate_height: 0.69,

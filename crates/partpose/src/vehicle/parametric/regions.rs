@@ -60,7 +60,7 @@ fn paint_top(half: &mut Half) {
 /// The load bed: floor and tailgate count as trunk, rails and inner walls as side.
 fn paint_bed(v: &ParametricVehicle, half: &mut Half) {
     let Some([start, _, floor_end, _]) = bed_rings(v) else { return };
-    let floor = v.deck_height - v.bed_depth;
+    let floor = v.bed_floor();
     for (i, face) in half.faces.iter().enumerate() {
         let corners = face.map(|index| half.vertices[index as usize]);
         let t = corners.iter().map(|corner| corner.t).sum::<f64>() / 3.0;
@@ -182,7 +182,9 @@ fn paint_side_windows(v: &ParametricVehicle, top: &Path, painter: &mut Painter) 
 
 fn paint_lamps(v: &ParametricVehicle, painter: &mut Painter) {
     let body = |zone: Zone, part: PartClass| {
-        !matches!(zone, Zone::Bottom | Zone::Fitting)
+        // The inner walls of a load bed have none.
+        let is_inner = v.has_bed() && matches!(zone, Zone::Rim | Zone::Top);
+        !(matches!(zone, Zone::Bottom | Zone::Fitting) || is_inner && part != PartClass::ApronFront)
             && !matches!(part, PartClass::WindshieldRear | PartClass::Roof)
     };
     // Narrow beside the grille, rising towards the side.
@@ -236,7 +238,7 @@ struct Outline(Vec<[f64; 2]>);
 impl Outline {
     fn new(path: &Path) -> Self {
         let [from, to] = [knots::COWL - 0.5, knots::DECK + 0.5];
-        let steps = 200;
+        let steps = 100;
         let points = (0..=steps).map(|i| {
             let point = side_top(path, from + (to - from) * f64::from(i) / f64::from(steps));
             [point.z, point.h]
@@ -251,16 +253,17 @@ impl Outline {
         for pair in self.0.windows(2) {
             let [from, to] = [pair[0], pair[1]];
             let [dz, dh] = [to[0] - from[0], to[1] - from[1]];
-            let length = dz.hypot(dh).max(1e-9);
-            let along = ((z - from[0]) * dz + (h - from[1]) * dh) / length;
-            let foot = (along / length).clamp(0.0, 1.0);
-            let distance = (z - from[0] - foot * dz).hypot(h - from[1] - foot * dh);
-            if distance < nearest {
-                nearest = distance;
+            let [z, h] = [z - from[0], h - from[1]];
+            let share = (z * dz + h * dh) / (dz * dz + dh * dh).max(1e-18);
+            let share = share.clamp(0.0, 1.0);
+            let [off_z, off_h] = [z - share * dz, h - share * dh];
+            let squared = off_z * off_z + off_h * off_h;
+            if squared < nearest {
+                nearest = squared;
                 // z falls along the outline, so that above is to the right of it.
-                sign = ((h - from[1]) * -dz + (z - from[0]) * dh).signum();
+                sign = (h * -dz + z * dh).signum();
             }
         }
-        sign * nearest
+        sign * nearest.sqrt()
     }
 }

@@ -57,7 +57,9 @@ impl ParametricVehicle {
                 "hood, windscreen, roof and rear window",
             ),
             (
-                between(self.lip_setback, 0.03, 0.5) && between(self.deck_length, 0.02, 2.0),
+                between(self.lip_setback, 0.03, 0.5)
+                    && between(self.deck_length, 0.02, 2.5)
+                    && self.lip_height < self.deck_height + 0.15,
                 "lip and deck",
             ),
             (
@@ -95,8 +97,7 @@ impl ParametricVehicle {
             (
                 !self.has_bed()
                     || self.deck_length > 0.35
-                        && self.deck_height - self.bed_depth > 0.5 * self.wheel_diameter + arch
-                        && self.lip_height > self.deck_height - self.bed_depth + 0.05,
+                        && self.lip_height.min(self.deck_height) > self.bed_floor() + 0.05,
                 "load bed, deck and wheels",
             ),
             (
@@ -142,8 +143,9 @@ impl ParametricVehicle {
             self.ground_clearance + 0.21,
             self.tail_height,
             self.rear_bumper_height,
-            self.lip_height,
-            self.deck_height,
+            // The trunk lid may rise towards its edge, as spoilers do.
+            self.lip_height.min(self.deck_height),
+            self.lip_height.max(self.deck_height) + 0.01,
             self.height - self.roof_end_drop,
             self.height,
         ]

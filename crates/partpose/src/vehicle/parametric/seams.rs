@@ -69,11 +69,18 @@ impl<'a> Painter<'a> {
         // Exactly zero on the seam.
         let mut values: Vec<Vec<f64>> = Vec::new();
         for bound in bounds {
-            let value = |vertex: &Vertex| {
-                Some(bound(vertex)).filter(|value| value.abs() > ON_SEAM).unwrap_or(0.0)
-            };
-            values.push(self.half.vertices.iter().map(value).collect());
-            let concerned = self.inside(&concerns, bounds, &values[..values.len() - 1]);
+            // Where no concerned face is, no value is needed; some bounds take long to evaluate.
+            let concerned = self.inside(&concerns, bounds, &values);
+            let mut own = vec![None; self.half.vertices.len()];
+            for (face, _) in self.half.faces.iter().zip(&concerned).filter(|(_, is)| **is) {
+                for index in face.map(|index| index as usize) {
+                    own[index].get_or_insert_with(|| {
+                        let value = bound(&self.half.vertices[index]);
+                        if value.abs() > ON_SEAM { value } else { 0.0 }
+                    });
+                }
+            }
+            values.push(own.into_iter().map(Option::unwrap_or_default).collect());
             self.fix_zeros(&concerned, &values);
             self.snap(&concerned, &mut values);
             let splits = self.split_edges(&concerned, &mut values);

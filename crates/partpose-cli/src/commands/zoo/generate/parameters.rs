@@ -54,7 +54,10 @@ pub(crate) fn read(path: &Path) -> anyhow::Result<ParametricVehicle> {
     }
     if let Some(missing) = template.keys().find(|key| !table.contains_key(*key)) {
         let error = anyhow::anyhow!("`{shown}` has no `{missing}`");
-        return Err(hint(error, "add it, or `base = \"sedan\"` to take what is missing from there"));
+        return Err(hint(
+            error,
+            "add it, or `base = \"sedan\"` to take what is missing from there",
+        ));
     }
     let vehicle: ParametricVehicle = table.try_into()?;
     let fits = |c: char| c.is_ascii_alphanumeric() || "_-. ".contains(c);
@@ -107,10 +110,10 @@ fn similar(key: &str, template: &Table) -> String {
         key.split('_').any(|word| word.len() > 2 && other.split('_').any(|part| part == word))
     };
     let near: Vec<_> = template.keys().filter(has_word_of).map(String::as_str).collect();
-    if near.is_empty() {
-        "docs/vehicles.md lists the parameters".to_owned()
-    } else {
-        format!("near it are `{}`", near.join("`, `"))
+    match near.as_slice() {
+        [] => "docs/vehicles.md lists the parameters".to_owned(),
+        [one] => format!("near it is `{one}`"),
+        several => format!("near it are `{}`", several.join("`, `")),
     }
 }
 
