@@ -188,6 +188,19 @@ fn the_body_has_no_folds() {
 }
 
 #[test]
+fn embedded_meshes_have_no_coinciding_vertices() {
+    for model in embedded() {
+        let mesh = model.mesh();
+        for (face, part) in mesh.faces.iter().zip(&mesh.parts) {
+            let [a, b, c] = face.map(|index| mesh.vertices[index as usize]);
+            let shortest = (a - b).norm().min((b - c).norm()).min((c - a).norm());
+            // Positions in files are single-precision numbers.
+            assert!(shortest > 1e-5, "{} {}: {a} {b} {c}", model.name(), part.name());
+        }
+    }
+}
+
+#[test]
 fn the_embedded_zoo_survives_the_disk() {
     let folder = tempfile::tempdir().unwrap();
     let zoo = ModelZoo::embedded();

@@ -36,10 +36,7 @@ fn a_chosen_model_is_written_drawn_and_described() {
     assert!(fs::read(at("pictures/pickup.png")).unwrap().starts_with(b"\x89PNG"));
     assert!(fs::read(at("sheet.png")).unwrap().starts_with(b"\x89PNG"));
     // The parameters make the same model again.
-    run(
-        folder.path(),
-        &["zoo", "generate", "--from", "parameters/pickup.toml", "--out", "again"],
-    );
+    run(folder.path(), &["zoo", "generate", "--from", "parameters/pickup.toml", "--out", "again"]);
     assert_eq!(fs::read(at("zoo/pickup.glb")).unwrap(), fs::read(at("again/pickup.glb")).unwrap());
 }
 

@@ -27,8 +27,8 @@ pub struct ContactSheetOptions {
 impl Default for ContactSheetOptions {
     fn default() -> Self {
         Self {
-            tile: [264, 150],
-            columns: 5,
+            tile: [240, 138],
+            columns: 6,
             eighth: 1,
             elevation: 0.24,
             shade: ShadeOptions::default(),

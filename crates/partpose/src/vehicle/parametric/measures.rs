@@ -86,7 +86,8 @@ impl ParametricVehicle {
         let [mut from, mut to] = [self.clone(), other.clone()];
         let pairs = from.measures_mut().into_iter().zip(to.measures_mut());
         for ((_, mixed), ((_, from), (_, to))) in mixed.measures_mut().into_iter().zip(pairs) {
-            *mixed = *from + share * (*to - *from);
+            // Exact at both ends.
+            *mixed = (1.0 - share) * *from + share * *to;
         }
         mixed
     }

@@ -182,9 +182,7 @@ fn paint_side_windows(v: &ParametricVehicle, top: &Path, painter: &mut Painter) 
 
 fn paint_lamps(v: &ParametricVehicle, painter: &mut Painter) {
     let body = |zone: Zone, part: PartClass| {
-        // The inner walls of a load bed have none.
-        let is_inner = v.has_bed() && matches!(zone, Zone::Rim | Zone::Top);
-        !(matches!(zone, Zone::Bottom | Zone::Fitting) || is_inner && part != PartClass::ApronFront)
+        !matches!(zone, Zone::Bottom | Zone::Fitting)
             && !matches!(part, PartClass::WindshieldRear | PartClass::Roof)
     };
     // Narrow beside the grille, rising towards the side.
@@ -207,9 +205,13 @@ fn paint_lamps(v: &ParametricVehicle, painter: &mut Painter) {
     let share = |p: &Vertex| ((angle_rear(v, p) - inner) / (outer - inner)).clamp(0.0, 1.0);
     let bottom = |p: &Vertex| v.tail_lamp_bottom + 0.05 * share(p);
     let top = |p: &Vertex| v.tail_lamp_top - 0.03 * (1.0 - share(p));
+    // The inner walls of a load bed have none.
+    let outside = |zone: Zone, part: PartClass| {
+        body(zone, part) && !(v.has_bed() && matches!(zone, Zone::Rim | Zone::Top))
+    };
     painter.paint(
         PartClass::LightRearLeft,
-        body,
+        outside,
         &[
             &|p| p.z + v.nose() - 1.0,
             &|p| p.h - top(p),

@@ -14,8 +14,9 @@ use super::half::{Half, Vertex, Zone};
 /// A root nearer to an end of the edge than this share of it moves the end.
 const SNAP: f64 = 0.25;
 
-/// Values nearer to zero count as on the seam, metres; grid lines that a seam follows are exact up to rounding.
-const ON_SEAM: f64 = 1e-6;
+/// Values nearer to zero count as on the seam, metres: a vertex that must stay in its place would otherwise get a
+/// neighbour so near that files, whose numbers are of single precision, make them one.
+const ON_SEAM: f64 = 4e-4;
 
 /// Paints regions, keeping vertices that lie on earlier seams where they are.
 pub(super) struct Painter<'a> {
