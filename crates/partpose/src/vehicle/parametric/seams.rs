@@ -16,7 +16,7 @@ const SNAP: f64 = 0.25;
 
 /// Values nearer to zero count as on the seam, metres: a vertex that must stay in its place would otherwise get a
 /// neighbour so near that files, whose numbers are of single precision, make them one.
-const ON_SEAM: f64 = 4e-4;
+const ON_SEAM: f64 = 1e-3;
 
 /// Paints regions, keeping vertices that lie on earlier seams where they are.
 pub(super) struct Painter<'a> {

@@ -29,17 +29,20 @@ pub(super) fn stations(v: &ParametricVehicle, top: &Path, bottom: &Path) -> Vec<
     }
     anchors.extend([[9.0, 7.0], [10.0, 8.0], [11.0, 9.0]]);
     anchors.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    // Anchors that nearly coincide would make slivers; those at knots of the upper curve stay.
+    // Anchors that nearly coincide would make slivers: one ring serves both, at the knot of either curve.
     let is_knot = |t: f64| (t - t.round()).abs() < 1e-9;
+    let better = |one: f64, other: f64| if is_knot(one) { one } else { other };
     let mut kept: Vec<[f64; 2]> = Vec::new();
     for anchor in anchors {
-        let near = kept.last().filter(|last| {
-            top.at(last[0]).distance(top.at(anchor[0])) < 0.02 && anchor[0] - last[0] < 0.5
+        let near = kept.last_mut().filter(|last| {
+            let distance = top.at(last[0]).distance(top.at(anchor[0]));
+            let two_knots =
+                |k: usize| is_knot(last[k]) && is_knot(anchor[k]) && anchor[k] - last[k] > 0.5;
+            distance < 0.02 && !two_knots(0) && !two_knots(1)
         });
-        match near.map(|last| is_knot(last[0])) {
-            Some(true) if !is_knot(anchor[0]) => {}
-            Some(false) => *kept.last_mut().expect("it has a last one") = anchor,
-            _ => kept.push(anchor),
+        match near {
+            Some(last) => *last = [0, 1].map(|k| better(last[k], anchor[k])),
+            None => kept.push(anchor),
         }
     }
     for t in bed_rings(v).into_iter().flatten() {
