@@ -85,16 +85,31 @@ impl<'a> Painter<'a> {
             self.fix_zeros(&concerned, &values);
             self.snap(&concerned, &mut values);
             let splits = self.split_edges(&concerned, &mut values);
-            let old = std::mem::take(&mut self.half.faces);
-            let zones = std::mem::take(&mut self.half.zones);
-            let parts = std::mem::take(&mut self.half.parts);
-            for ((face, zone), of) in old.into_iter().zip(zones).zip(parts) {
-                for triangle in divide(face, &splits) {
-                    self.half.push(triangle, zone, of);
-                }
-            }
+            self.divide_faces(&splits);
         }
         values
+    }
+
+    /// Divides the faces whose edges are split.
+    fn divide_faces(&mut self, splits: &BTreeMap<[u32; 2], u32>) {
+        if splits.is_empty() {
+            return;
+        }
+        let mut is_end = vec![false; self.half.vertices.len()];
+        splits.keys().flatten().for_each(|index| is_end[*index as usize] = true);
+        let old = std::mem::take(&mut self.half.faces);
+        let zones = std::mem::take(&mut self.half.zones);
+        let parts = std::mem::take(&mut self.half.parts);
+        for ((face, zone), of) in old.into_iter().zip(zones).zip(parts) {
+            // Most faces are far from the seam.
+            if face.iter().filter(|index| is_end[**index as usize]).count() < 2 {
+                self.half.push(face, zone, of);
+                continue;
+            }
+            for triangle in divide(face, splits) {
+                self.half.push(triangle, zone, of);
+            }
+        }
     }
 
     /// Moves the faces of a region that was cut along `bounds`, with their borders, towards the rear.
