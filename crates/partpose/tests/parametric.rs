@@ -309,6 +309,7 @@ fn most_vehicles_near_one_can_be_built() {
 /// `cargo test --release -p partpose --test parametric -- --ignored --nocapture`
 #[test]
 #[ignore = "takes a minute; prints the shares that docs/vehicles.md gives"]
+#[expect(clippy::print_stdout, reason = "it is run for what it prints")]
 fn share_of_vehicles_that_can_be_built() {
     println!("between two: {} of 1000", built_between(1000, 3));
     println!("near one: {} of 1000", built_near(1000, 4));

@@ -81,6 +81,7 @@ impl ParametricVehicle {
     /// The vehicle between two: every measure mixed, all else as in the nearer one.
     ///
     /// `share` is that of `other`, 0 to 1; beyond, measures are extrapolated.
+    #[must_use]
     pub fn lerp(&self, other: &Self, share: f64) -> Self {
         let mut mixed = if share < 0.5 { self.clone() } else { other.clone() };
         let [mut from, mut to] = [self.clone(), other.clone()];

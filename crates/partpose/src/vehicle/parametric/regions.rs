@@ -65,7 +65,7 @@ fn paint_bed(v: &ParametricVehicle, half: &mut Half) {
         let corners = face.map(|index| half.vertices[index as usize]);
         let t = corners.iter().map(|corner| corner.t).sum::<f64>() / 3.0;
         let is_inner = matches!(half.zones[i], Zone::Rim | Zone::Top);
-        if !is_inner || !(knots::DECK < t && t < knots::LIP) {
+        if !(is_inner && knots::DECK < t && t < knots::LIP) {
             continue;
         }
         let is_floor = corners.iter().all(|corner| corner.h < floor + 1e-6);

@@ -4,8 +4,12 @@ use super::ParametricVehicle;
 
 impl ParametricVehicle {
     /// What must hold for the curves to exist and to run from front to rear, with what is to blame if not.
-    pub(super) fn requirements(&self) -> [(bool, &'static str); 18] {
-        let between = |value: f64, low: f64, high: f64| low <= value && value <= high;
+    pub(super) fn requirements(&self) -> Vec<(bool, &'static str)> {
+        [self.proportions().as_slice(), self.details().as_slice()].concat()
+    }
+
+    /// Sizes, side view and cross-section.
+    fn proportions(&self) -> [(bool, &'static str); 12] {
         let rising = |values: &[f64]| values.windows(2).all(|pair| pair[1] - pair[0] > 0.005);
         let arch = self.arch_radius();
         let rear_overhang = self.length - self.front_overhang - self.wheelbase;
@@ -18,9 +22,6 @@ impl ParametricVehicle {
             foot + (roof_end - self.deck_height) * self.rear_window_rake.to_radians().tan();
         let corner = |[bulge, along, across]: [f64; 3]| {
             between(bulge, 0.0, 0.3) && between(along, 0.02, 0.4) && between(across, 0.02, 0.45)
-        };
-        let lamp = |inner: f64, outer: f64| {
-            between(inner, 5.0, 80.0) && between(outer, inner + 10.0, 130.0)
         };
         [
             (
@@ -76,6 +77,16 @@ impl ParametricVehicle {
                 "tumblehome, shoulder and tapers",
             ),
             (corner(self.front_corner) && corner(self.rear_corner), "the corners"),
+        ]
+    }
+
+    /// Wheels, bumpers, roof, load bed, doors, lamps.
+    fn details(&self) -> [(bool, &'static str); 6] {
+        let roof_end = self.height - self.roof_end_drop;
+        let lamp = |inner: f64, outer: f64| {
+            between(inner, 5.0, 80.0) && between(outer, inner + 10.0, 130.0)
+        };
+        [
             (
                 between(self.rim, 0.4, 0.85)
                     && between(self.arch_gap, 0.01, 0.15)
@@ -150,4 +161,8 @@ impl ParametricVehicle {
             self.height,
         ]
     }
+}
+
+fn between(value: f64, low: f64, high: f64) -> bool {
+    low <= value && value <= high
 }
