@@ -19,6 +19,7 @@ mod outcome;
 mod quality;
 mod rows;
 mod simplify;
+mod stand_in;
 mod surface;
 mod view;
 
@@ -30,6 +31,7 @@ use crate::vehicle::{Mesh, VehicleModel};
 
 pub use outcome::{CarveError, Carved, CarvedModel, Progress, Skipped};
 pub use quality::{FILL_SLACK, QualityOptions, SIDES, ViewQuality, measure_quality};
+pub use stand_in::{PartAgreement, measure_stand_ins, part_agreements};
 
 use contour::ContourOptions;
 use hull::{Grid, VoteOptions};

@@ -4,6 +4,7 @@ mod annotate;
 mod carve;
 mod carve_report;
 mod check;
+mod compare;
 mod generate;
 mod import;
 mod list;
@@ -23,6 +24,8 @@ pub(crate) enum Command {
     Show(show::Arguments),
     /// Find what is wrong with models and say what to do
     Check(check::Arguments),
+    /// Compare models with the part masks of vehicles that they stand in for
+    Compare(compare::Arguments),
     /// Write the procedural models
     Generate(generate::Arguments),
     /// Read a CAD model and give its parts their classes by name
@@ -38,6 +41,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Outcome> {
         Command::List(arguments) => list::run(arguments),
         Command::Show(arguments) => show::run(arguments),
         Command::Check(arguments) => check::run(arguments),
+        Command::Compare(arguments) => compare::run(arguments),
         Command::Generate(arguments) => generate::run(arguments),
         Command::Import(arguments) => import::run(arguments),
         Command::Annotate(arguments) => annotate::run(arguments),

@@ -19,6 +19,21 @@ fn embedded_models_are_listed_and_drawn() {
             --- stderr
             drew `pictures/sedan.png`
             drew `pictures/hatchback.png`
+            drew `pictures/city-car.png`
+            drew `pictures/supermini.png`
+            drew `pictures/hatchback-3-door.png`
+            drew `pictures/sedan-compact.png`
+            drew `pictures/sedan-large.png`
+            drew `pictures/estate.png`
+            drew `pictures/coupe.png`
+            drew `pictures/suv-compact.png`
+            drew `pictures/suv-large.png`
+            drew `pictures/mpv.png`
+            drew `pictures/minivan.png`
+            drew `pictures/van-small.png`
+            drew `pictures/panel-van.png`
+            drew `pictures/panel-van-large.png`
+            drew `pictures/pickup.png`
             --- exit 0
         "]],
     );
@@ -30,11 +45,11 @@ fn a_model_that_the_zoo_lacks_ends_with_2() {
     let folder = tempfile::tempdir().unwrap();
     check(
         folder.path(),
-        &["zoo", "show", "--model", "coupe", "--out", "x.png"],
+        &["zoo", "show", "--model", "tank", "--out", "x.png"],
         &expect![[r"
             --- stderr
-            error: the zoo has no model `coupe`
-            hint: it has `sedan`, `hatchback`
+            error: the zoo has no model `tank`
+            hint: it has `sedan`, `hatchback`, `city-car`, `supermini`, `hatchback-3-door`, `sedan-compact`, `sedan-large`, `estate`, `coupe`, `suv-compact`, `suv-large`, `mpv`, `minivan`, `van-small`, `panel-van`, `panel-van-large`, `pickup`
             --- exit 2
         "]],
     );
@@ -43,7 +58,7 @@ fn a_model_that_the_zoo_lacks_ends_with_2() {
         &["zoo", "show", "--out", "x.png"],
         &expect![[r"
             --- stderr
-            error: 2 models do not fit into one file
+            error: 17 models do not fit into one file
             hint: choose one with `--model`, or give a folder
             --- exit 2
         "]],

@@ -50,7 +50,7 @@ fn row(name: &str, views: &[&ViewQuality]) -> String {
 }
 
 /// NaN without values.
-fn quantile(values: &mut [f64], share: f64) -> f64 {
+pub(super) fn quantile(values: &mut [f64], share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let at = (values.len().max(1) - 1) as f64 * share;
     values.get(at.round() as usize).copied().unwrap_or(f64::NAN)

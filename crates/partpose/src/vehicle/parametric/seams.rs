@@ -14,8 +14,9 @@ use super::half::{Half, Vertex, Zone};
 /// A root nearer to an end of the edge than this share of it moves the end.
 const SNAP: f64 = 0.25;
 
-/// Values nearer to zero count as on the seam, metres; grid lines that a seam follows are exact up to rounding.
-const ON_SEAM: f64 = 1e-6;
+/// Values nearer to zero count as on the seam, metres: a vertex that must stay in its place would otherwise get a
+/// neighbour so near that files, whose numbers are of single precision, make them one.
+const ON_SEAM: f64 = 1e-3;
 
 /// Paints regions, keeping vertices that lie on earlier seams where they are.
 pub(super) struct Painter<'a> {
@@ -51,30 +52,89 @@ impl<'a> Painter<'a> {
         concerns: impl Fn(Zone, PartClass) -> bool,
         bounds: &[&dyn Fn(&Vertex) -> f64],
     ) {
-        // Values of the bounds at every vertex; exactly zero on the seam.
-        let mut values: Vec<Vec<f64>> = Vec::new();
-        for bound in bounds {
-            let value = |vertex: &Vertex| {
-                Some(bound(vertex)).filter(|value| value.abs() > ON_SEAM).unwrap_or(0.0)
-            };
-            values.push(self.half.vertices.iter().map(value).collect());
-            let concerned = self.inside(&concerns, bounds, &values[..values.len() - 1]);
-            self.fix_zeros(&concerned, &values);
-            self.snap(&concerned, &mut values);
-            let splits = self.split_edges(&concerned, &mut values);
-            let old = std::mem::take(&mut self.half.faces);
-            let zones = std::mem::take(&mut self.half.zones);
-            let parts = std::mem::take(&mut self.half.parts);
-            for ((face, zone), of) in old.into_iter().zip(zones).zip(parts) {
-                for triangle in divide(face, &splits) {
-                    self.half.push(triangle, zone, of);
-                }
-            }
-        }
+        let values = self.cut(&concerns, bounds);
         let inside = self.inside(&concerns, bounds, &values);
         for (of, inside) in self.half.parts.iter_mut().zip(inside) {
             if inside {
                 *of = part;
+            }
+        }
+    }
+
+    /// Cuts along the bounds of a region without painting it; gives their values at every vertex.
+    pub(super) fn cut(
+        &mut self,
+        concerns: impl Fn(Zone, PartClass) -> bool,
+        bounds: &[&dyn Fn(&Vertex) -> f64],
+    ) -> Vec<Vec<f64>> {
+        // Exactly zero on the seam.
+        let mut values: Vec<Vec<f64>> = Vec::new();
+        for bound in bounds {
+            // Where no concerned face is, no value is needed; some bounds take long to evaluate.
+            let concerned = self.inside(&concerns, bounds, &values);
+            let mut own = vec![None; self.half.vertices.len()];
+            for (face, _) in self.half.faces.iter().zip(&concerned).filter(|(_, is)| **is) {
+                for index in face.map(|index| index as usize) {
+                    own[index].get_or_insert_with(|| {
+                        let value = bound(&self.half.vertices[index]);
+                        if value.abs() > ON_SEAM { value } else { 0.0 }
+                    });
+                }
+            }
+            values.push(own.into_iter().map(Option::unwrap_or_default).collect());
+            self.fix_zeros(&concerned, &values);
+            self.snap(&concerned, &mut values);
+            let splits = self.split_edges(&concerned, &mut values);
+            self.divide_faces(&splits);
+        }
+        values
+    }
+
+    /// Divides the faces whose edges are split.
+    fn divide_faces(&mut self, splits: &BTreeMap<[u32; 2], u32>) {
+        if splits.is_empty() {
+            return;
+        }
+        let mut is_end = vec![false; self.half.vertices.len()];
+        splits.keys().flatten().for_each(|index| is_end[*index as usize] = true);
+        let old = std::mem::take(&mut self.half.faces);
+        let zones = std::mem::take(&mut self.half.zones);
+        let parts = std::mem::take(&mut self.half.parts);
+        for ((face, zone), of) in old.into_iter().zip(zones).zip(parts) {
+            // Most faces are far from the seam.
+            if face.iter().filter(|index| is_end[**index as usize]).count() < 2 {
+                self.half.push(face, zone, of);
+                continue;
+            }
+            for triangle in divide(face, splits) {
+                self.half.push(triangle, zone, of);
+            }
+        }
+    }
+
+    /// Moves the faces of a region that was cut along `bounds`, with their borders, towards the rear.
+    pub(super) fn move_back(
+        &mut self,
+        concerns: impl Fn(Zone, PartClass) -> bool,
+        bounds: &[&dyn Fn(&Vertex) -> f64],
+        distance: f64,
+    ) {
+        let value = |bound: &&dyn Fn(&Vertex) -> f64| {
+            let at = |vertex: &Vertex| {
+                Some(bound(vertex)).filter(|value| value.abs() > ON_SEAM).unwrap_or(0.0)
+            };
+            self.half.vertices.iter().map(at).collect()
+        };
+        let values: Vec<Vec<f64>> = bounds.iter().map(value).collect();
+        let mut moved = vec![false; self.half.vertices.len()];
+        for (face, inside) in self.half.faces.iter().zip(self.inside(&concerns, bounds, &values)) {
+            for index in face.iter().filter(|_| inside) {
+                moved[*index as usize] = true;
+            }
+        }
+        for (vertex, moved) in self.half.vertices.iter_mut().zip(moved) {
+            if moved {
+                vertex.z -= distance;
             }
         }
     }

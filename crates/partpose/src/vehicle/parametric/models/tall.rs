@@ -1,0 +1,193 @@
+//! SUVs and minivans.
+
+use crate::vehicle::ParametricVehicle;
+
+impl ParametricVehicle {
+    /// A compact SUV, as large as a Volkswagen Tiguan of 2007.
+    pub fn suv_compact() -> Self {
+        Self {
+            length: 4.43,
+            width: 1.81,
+            height: 1.69,
+            wheelbase: 2.60,
+            front_overhang: 0.88,
+            track: 1.57,
+            wheel_diameter: 0.69,
+            tyre_width: 0.225,
+            arch_gap: 0.05,
+            arch_flare: 0.026,
+            ground_clearance: 0.25,
+            nose_height: 0.58,
+            front_undercut: 0.11,
+            front_bumper_height: 0.71,
+            hood_front_height: 0.91,
+            hood_curve: 0.05,
+            cowl_height: 1.15,
+            cowl_setback: 0.40,
+            windscreen_rake: 57.0,
+            header_drop: 0.05,
+            roof_end_drop: 0.07,
+            roof_peak: 0.4,
+            roof_crown: 0.045,
+            rear_window_rake: 34.0,
+            rear_window_gap: 0.07,
+            deck_height: 1.17,
+            deck_length: 0.05,
+            lip_height: 1.08,
+            lip_setback: 0.06,
+            rear_bumper_height: 0.72,
+            tail_height: 0.60,
+            rear_undercut: 0.13,
+            belt_front: 1.08,
+            belt_rear: 1.14,
+            tumblehome: 20.0,
+            front_taper: 0.06,
+            rear_taper: 0.05,
+            front_corner: [0.09, 0.17, 0.28],
+            rear_corner: [0.06, 0.13, 0.19],
+            door_start: 0.48,
+            b_pillar: 1.44,
+            rear_door_end: 0.0,
+            c_pillar: 0.08,
+            quarter_glass_end: -0.56,
+            quarter_glass_rake: 34.0,
+            headlamp_sweep: 0.08,
+            tail_lamp_inner: 38.0,
+            tail_lamp_top: 1.13,
+            tail_lamp_bottom: 0.90,
+            plate_height: 0.88,
+            mirror_height: 0.17,
+            mirror_reach: 0.13,
+            tail_lamp_outer: 74.0,
+            ..Self::sedan()
+        }
+        .named("suv-compact", "suv")
+    }
+
+    /// A large SUV, as large as a BMW X5 of 2013.
+    pub fn suv_large() -> Self {
+        Self {
+            length: 4.89,
+            width: 1.94,
+            height: 1.76,
+            wheelbase: 2.93,
+            front_overhang: 0.88,
+            track: 1.66,
+            wheel_diameter: 0.75,
+            tyre_width: 0.255,
+            rim: 0.64,
+            ground_clearance: 0.27,
+            nose_height: 0.62,
+            front_bumper_height: 0.75,
+            hood_front_height: 0.98,
+            cowl_height: 1.21,
+            cowl_setback: 0.56,
+            windscreen_rake: 56.0,
+            rear_window_rake: 36.0,
+            deck_height: 1.22,
+            lip_height: 1.13,
+            rear_bumper_height: 0.76,
+            tail_height: 0.64,
+            belt_front: 1.13,
+            belt_rear: 1.19,
+            door_start: 0.60,
+            b_pillar: 1.62,
+            rear_door_end: 0.02,
+            quarter_glass_end: -0.66,
+            headlamp_inner: 25.0,
+            tail_lamp_top: 1.17,
+            tail_lamp_bottom: 0.95,
+            plate_height: 0.96,
+            ..Self::suv_compact()
+        }
+        .named("suv-large", "suv")
+    }
+
+    /// A compact minivan, as large as a Volkswagen Touran of 2015.
+    pub fn mpv() -> Self {
+        Self {
+            length: 4.53,
+            width: 1.83,
+            height: 1.66,
+            wheelbase: 2.79,
+            front_overhang: 0.88,
+            track: 1.56,
+            wheel_diameter: 0.65,
+            tyre_width: 0.205,
+            ground_clearance: 0.19,
+            nose_height: 0.51,
+            front_bumper_height: 0.63,
+            hood_front_height: 0.81,
+            hood_curve: 0.035,
+            cowl_height: 1.09,
+            cowl_setback: 0.20,
+            windscreen_rake: 60.0,
+            header_drop: 0.07,
+            roof_end_drop: 0.06,
+            roof_peak: 0.42,
+            rear_window_rake: 24.0,
+            rear_window_gap: 0.08,
+            deck_height: 1.06,
+            deck_length: 0.05,
+            lip_height: 0.98,
+            lip_setback: 0.06,
+            rear_bumper_height: 0.64,
+            belt_front: 0.98,
+            belt_rear: 1.05,
+            tumblehome: 18.0,
+            front_taper: 0.07,
+            rear_taper: 0.05,
+            rear_corner: [0.05, 0.13, 0.18],
+            door_start: 0.38,
+            b_pillar: 1.42,
+            rear_door_end: -0.04,
+            c_pillar: 0.09,
+            quarter_glass_end: -0.60,
+            quarter_glass_rake: 22.0,
+            headlamp_sweep: 0.13,
+            tail_lamp_inner: 40.0,
+            tail_lamp_top: 1.08,
+            tail_lamp_bottom: 0.80,
+            plate_height: 0.82,
+            mirror_height: 0.17,
+            mirror_reach: 0.13,
+            tail_lamp_outer: 72.0,
+            ..Self::sedan()
+        }
+        .named("mpv", "minivan")
+    }
+
+    /// A large minivan, as large as a Volkswagen Sharan of 2010.
+    pub fn minivan() -> Self {
+        Self {
+            length: 4.85,
+            width: 1.90,
+            height: 1.72,
+            wheelbase: 2.92,
+            front_overhang: 0.94,
+            track: 1.60,
+            wheel_diameter: 0.67,
+            tyre_width: 0.225,
+            hood_front_height: 0.83,
+            cowl_height: 1.11,
+            cowl_setback: 0.15,
+            windscreen_rake: 61.0,
+            rear_window_rake: 22.0,
+            deck_height: 1.09,
+            lip_height: 1.0,
+            belt_front: 1.0,
+            belt_rear: 1.08,
+            tumblehome: 16.0,
+            door_start: 0.38,
+            b_pillar: 1.44,
+            rear_door_end: -0.05,
+            c_pillar: 0.10,
+            quarter_glass_end: -0.74,
+            quarter_glass_rake: 20.0,
+            tail_lamp_top: 1.10,
+            tail_lamp_bottom: 0.82,
+            ..Self::mpv()
+        }
+        .named("minivan", "minivan")
+    }
+}
