@@ -9,12 +9,14 @@ pub mod import;
 mod mesh;
 mod model;
 mod parametric;
+mod partial;
 mod zoo;
 
 pub use glb::{GlbError, MAX_COORDINATE, MAX_FACES, MAX_SIDE, MIN_SIDE, PrimitiveFault};
-pub use glb_read::from_glb;
-pub use glb_write::to_glb;
+pub use glb_read::{from_glb, from_partial_glb};
+pub use glb_write::{to_glb, to_partial_glb};
 pub use mesh::Mesh;
 pub use model::{ModelError, VehicleModel};
 pub use parametric::ParametricVehicle;
+pub use partial::{PartialModel, UNLABELED};
 pub use zoo::{ModelZoo, ZooError};

@@ -185,6 +185,9 @@ impl GlbError {
                 "export it in metres, without broken vertices"
             }
             Self::Primitive { fault: Fault::Mode(_), .. } => "triangulate the mesh",
+            Self::Model(ModelError::Unlabeled { .. }) => {
+                "give the other faces their parts with `partpose zoo annotate`"
+            }
             Self::TooManyFaces => "decimate the mesh",
             _ => "the file is damaged or made by a faulty program: export it again",
         }

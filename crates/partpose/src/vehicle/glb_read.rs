@@ -13,7 +13,7 @@ use crate::geometry::Point3;
 use crate::parts::PartClass;
 
 use super::{
-    GlbError, Mesh, PrimitiveFault, VehicleModel,
+    GlbError, Mesh, PartialModel, PrimitiveFault, UNLABELED, VehicleModel,
     glb::{self, MAX_COORDINATE, MAX_FACES, MAX_SIDE, MIN_SIDE},
     glb_schema::{self as schema, Extras, Node, Primitive, Root, TRIANGLES},
 };
@@ -24,7 +24,14 @@ const MAX_TEXT: usize = 100;
 type Matrix4 = nalgebra::Matrix4<f64>;
 
 /// The model in the bytes of a GLB file.
+///
+/// One that has faces named `unlabeled` is refused: [`from_partial_glb`] reads it.
 pub fn from_glb(bytes: &[u8]) -> Result<VehicleModel, GlbError> {
+    from_partial_glb(bytes)?.to_model().map_err(GlbError::Model)
+}
+
+/// The model in the bytes of a GLB file, of which faces may have no part.
+pub fn from_partial_glb(bytes: &[u8]) -> Result<PartialModel, GlbError> {
     let (json, bytes) = glb::split(bytes)?;
     let root: Root = serde_json::from_slice(json).map_err(GlbError::Json)?;
     if let Some(extension) = root.extensions_required.first() {
@@ -51,13 +58,17 @@ pub fn from_glb(bytes: &[u8]) -> Result<VehicleModel, GlbError> {
             })?;
         }
     }
-    let mesh = outward(builder.mesh);
-    VehicleModel::new(&extras.name, &extras.category, &extras.body_style, extras.extent, mesh)
-        .map_err(GlbError::Model)
+    let mesh =
+        outward(Mesh { vertices: builder.vertices, faces: builder.faces, parts: Vec::new() });
+    let Extras { name, category, body_style, extent } = extras;
+    let (vertices, faces, parts) = (mesh.vertices, mesh.faces, builder.parts);
+    let model = PartialModel { name, category, body_style, extent, vertices, faces, parts };
+    model.check().map_err(GlbError::Model)?;
+    Ok(model)
 }
 
 /// Turns a closed mesh round that is inside out; of an open one nobody knows which side is out.
-fn outward(mut mesh: Mesh) -> Mesh {
+pub(super) fn outward(mut mesh: Mesh) -> Mesh {
     if mesh.volume() < 0.0 && mesh.is_closed() {
         mesh.faces.iter_mut().for_each(|face| face.swap(1, 2));
     }
@@ -81,9 +92,13 @@ impl<'a> Names<'a> {
         }
     }
 
-    fn part(&self) -> Option<PartClass> {
+    /// The part, `Some(None)` for those named after none on purpose, or `None` where no name tells.
+    fn part(&self) -> Option<Option<PartClass>> {
         let names = [self.material, self.mesh, self.node].into_iter().flatten();
-        names.map(without_counter).find_map(PartClass::from_name)
+        names.map(without_counter).find_map(|name| match name {
+            UNLABELED => Some(None),
+            name => PartClass::from_name(name).map(Some),
+        })
     }
 
     fn describe(&self, mesh: usize, primitive: usize) -> String {
@@ -136,11 +151,13 @@ impl Strided<'_> {
 
 #[derive(Default)]
 struct Builder {
-    mesh: Mesh,
+    vertices: Vec<Point3>,
+    faces: Vec<[u32; 3]>,
+    parts: Vec<Option<PartClass>>,
     /// Triangles added, degenerate ones included, so that a small file cannot make endless work.
     added: usize,
     /// By the bits of the coordinates.
-    vertices: HashMap<[u64; 3], u32>,
+    vertex_at: HashMap<[u64; 3], u32>,
 }
 
 impl Builder {
@@ -149,7 +166,7 @@ impl Builder {
         &mut self,
         triangles: &Triangles,
         gltf_from_node: &Matrix4,
-        part: PartClass,
+        part: Option<PartClass>,
     ) -> Result<(), Option<PrimitiveFault>> {
         self.added += triangles.indices.len() / 3;
         if self.added > MAX_FACES {
@@ -166,8 +183,8 @@ impl Builder {
                 face.swap(1, 2);
             }
             if face[0] != face[1] && face[1] != face[2] && face[2] != face[0] {
-                self.mesh.faces.push(face);
-                self.mesh.parts.push(part);
+                self.faces.push(face);
+                self.parts.push(part);
             }
         }
         Ok(())
@@ -186,9 +203,9 @@ impl Builder {
             return Err(PrimitiveFault::Position { vertex, position });
         }
         let key = [position.x, position.y, position.z].map(f64::to_bits);
-        Ok(*self.vertices.entry(key).or_insert_with(|| {
-            self.mesh.vertices.push(position);
-            self.mesh.vertices.len() as u32 - 1
+        Ok(*self.vertex_at.entry(key).or_insert_with(|| {
+            self.vertices.push(position);
+            self.vertices.len() as u32 - 1
         }))
     }
 }
