@@ -82,8 +82,8 @@ pub enum Finding {
         /// Positive downwards.
         y: f64,
     },
-    #[error("{count} faces have no area, such as that at {at:.2}")]
-    Degenerate { count: usize, at: Point3 },
+    #[error("{count} of {of} faces have no area, such as that at {at:.2}")]
+    Degenerate { count: usize, of: usize, at: Point3 },
     #[error("{count} faces are there twice, such as that at {at:.2}")]
     Duplicate { count: usize, at: Point3 },
     #[error("{open} of {pieces} pieces are open: {edges} edges have a face on one side only")]
@@ -118,6 +118,8 @@ impl Finding {
             | Self::Across { .. }
             | Self::Upended { .. } => Severity::Error,
             Self::MissingPart { part } => layout::severity_of_missing(*part),
+            // A few slivers come from every cut; many mean a broken export.
+            Self::Degenerate { count, of, .. } if 20 * count < *of => Severity::Note,
             Self::NonManifold { .. } => Severity::Note,
             _ => Severity::Warning,
         }
@@ -243,4 +245,162 @@ fn area([a, b, c]: [Point3; 3]) -> f64 {
 /// Middle of a triangle.
 fn middle([a, b, c]: [Point3; 3]) -> Point3 {
     Point3::from((a.coords + b.coords + c.coords) / 3.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::{ModelZoo, ParametricVehicle};
+
+    fn sedan() -> PartialModel {
+        PartialModel::from(&ParametricVehicle::sedan().build().unwrap())
+    }
+
+    /// The kinds found, without notes.
+    fn kinds(model: &PartialModel) -> Vec<&'static str> {
+        let found = check_partial(model);
+        let grave = found.iter().filter(|finding| finding.severity() > Severity::Note);
+        grave.map(Finding::kind).collect()
+    }
+
+    fn moved(change: impl Fn(&Point3) -> Point3) -> PartialModel {
+        let mut model = sedan();
+        model.vertices.iter_mut().for_each(|p| *p = change(p));
+        model
+    }
+
+    fn relabeled(change: impl Fn(PartClass) -> PartClass) -> PartialModel {
+        let mut model = sedan();
+        model.parts.iter_mut().flatten().for_each(|part| *part = change(*part));
+        model
+    }
+
+    #[test]
+    fn nothing_is_wrong_with_the_models_that_come_along() {
+        for model in ModelZoo::embedded().models {
+            let found = check_model(&model);
+            assert!(
+                found.iter().all(|f| f.severity() == Severity::Note),
+                "{}: {found:?}",
+                model.name()
+            );
+        }
+    }
+
+    #[test]
+    fn a_model_the_wrong_way_round_is_told_as_a_whole() {
+        assert_eq!(kinds(&moved(|p| Point3::new(-p.x, p.y, -p.z))), ["backwards"]);
+        assert_eq!(kinds(&relabeled(PartClass::opposite)), ["sides-swapped"]);
+        let roof = moved(|p| Point3::new(-p.x, -1.45 - p.y, p.z));
+        assert_eq!(kinds(&roof), ["sides-swapped", "upside-down"]);
+        let mirrored = kinds(&moved(|p| Point3::new(-p.x, p.y, p.z)));
+        assert_eq!(mirrored, ["sides-swapped", "mostly-inside-out"]);
+    }
+
+    #[test]
+    fn single_parts_in_the_wrong_place_are_named() {
+        let swapped = relabeled(|part| match part {
+            PartClass::WheelFrontLeft | PartClass::WheelFrontRight => part.opposite(),
+            other => other,
+        });
+        let texts: Vec<String> = check_partial(&swapped).iter().map(ToString::to_string).collect();
+        assert!(
+            texts[0].starts_with("`wheels_FL` lies 0.") && texts[0].ends_with("on the right side"),
+            "{texts:?}"
+        );
+        assert!(texts[1].starts_with("`wheels_FR`"), "{texts:?}");
+        let ends = relabeled(|part| match part {
+            PartClass::Hood => PartClass::Trunk,
+            PartClass::Trunk => PartClass::Hood,
+            other => other,
+        });
+        assert_eq!(kinds(&ends), ["wrong-end"]);
+    }
+
+    #[test]
+    fn wrong_units_are_told_with_the_factor() {
+        for (unit, expected) in [(100.0, "0.01"), (1000.0, "0.001"), (0.001, "1000")] {
+            let mut model = sedan();
+            model.vertices.iter_mut().for_each(|p| *p *= unit);
+            let e = model.extent;
+            model.extent = Extent::new(e.width * unit, e.height * unit, e.length * unit);
+            let found = check_partial(&model);
+            let size = found.iter().find(|finding| finding.kind() == "size").unwrap();
+            assert_eq!(size.remedy(), format!("multiply the `scale` of the map by {expected}"));
+        }
+    }
+
+    #[test]
+    fn wrong_axes_and_cuboids_are_told() {
+        let across = moved(|p| Point3::new(-p.z, p.y, p.x));
+        assert!(kinds(&across).contains(&"across"));
+        let upended = moved(|p| Point3::new(p.x, -p.z - 2.35, p.y));
+        assert!(kinds(&upended).contains(&"upended"));
+        let mut small = sedan();
+        small.extent.length *= 0.5;
+        assert!(kinds(&small).contains(&"cuboid-size"));
+        assert_eq!(kinds(&moved(|p| Point3::new(p.x, p.y, p.z + 2.0))), ["cuboid-place"]);
+        assert_eq!(kinds(&moved(|p| Point3::new(p.x, p.y - 0.5, p.z))), ["off-ground"]);
+    }
+
+    #[test]
+    fn missing_and_tiny_and_uneven_parts_are_told() {
+        let without = |gone: &[PartClass]| {
+            let mut model = sedan();
+            let keep: Vec<bool> = model
+                .parts
+                .iter()
+                .map(|part| part.is_none_or(|part| !gone.contains(&part)))
+                .collect();
+            let mut at = keep.iter();
+            model.faces.retain(|_| *at.next().unwrap());
+            let mut at = keep.iter();
+            model.parts.retain(|_| *at.next().unwrap());
+            model
+        };
+        let found = check_partial(&without(&[PartClass::DoorRearLeft, PartClass::DoorRearRight]));
+        let doors: Vec<_> = found.iter().filter(|f| f.kind() == "missing-part").collect();
+        assert_eq!(doors.len(), 2);
+        assert!(doors.iter().all(|finding| finding.severity() == Severity::Note));
+        let found = kinds(&without(&[PartClass::MirrorLeft]));
+        assert!(found.contains(&"missing-counterpart"), "{found:?}");
+        assert!(kinds(&without(&[PartClass::Hood])).contains(&"missing-part"));
+        let uneven = relabeled(|part| match part {
+            PartClass::DoorRearLeft => PartClass::DoorFrontLeft,
+            other => other,
+        });
+        assert!(kinds(&uneven).contains(&"asymmetric"));
+    }
+
+    #[test]
+    fn faults_of_the_surface_are_counted() {
+        let mut open = sedan();
+        open.faces.pop();
+        open.parts.pop();
+        assert_eq!(kinds(&open), ["open"]);
+        let mut turned = sedan();
+        turned.faces[0].swap(1, 2);
+        assert_eq!(kinds(&turned), ["unoriented"]);
+        let mut inside_out = sedan();
+        inside_out.faces.iter_mut().for_each(|face| face.swap(1, 2));
+        assert_eq!(kinds(&inside_out), ["mostly-inside-out"]);
+        let mut doubled = sedan();
+        let (face, part) = (doubled.faces[0], doubled.parts[0]);
+        doubled.faces.push(face);
+        doubled.parts.push(part);
+        assert!(kinds(&doubled).contains(&"duplicate"));
+        let mut flat = sedan();
+        let [a, b, _] = flat.faces[0];
+        let many = flat.faces.len() / 10;
+        flat.faces.extend(vec![[a, b, b]; many]);
+        flat.parts.extend(vec![flat.parts[0]; many]);
+        assert_eq!(kinds(&flat), ["degenerate"]);
+        let mut fleck = sedan();
+        let start = fleck.vertices.len() as u32;
+        let corner = |x: f64, z: f64| Point3::new(x, -0.1, z);
+        fleck.vertices.extend([corner(0.0, 9.0), corner(0.05, 9.0), corner(0.0, 9.05)]);
+        fleck.faces.push([start, start + 1, start + 2]);
+        fleck.parts.push(Some(PartClass::Hood));
+        assert!(kinds(&fleck).contains(&"flecks"));
+    }
 }

@@ -18,8 +18,8 @@ const HEIGHT: RangeInclusive<f64> = 0.8..=4.5;
 const USUAL_LENGTH: RangeInclusive<f64> = 3.0..=7.0;
 /// Centimetres, millimetres, inches and feet taken for metres, and the other way round.
 const FACTORS: [f64; 8] = [0.01, 0.001, 0.0254, 0.3048, 100.0, 1000.0, 39.37, 3.281];
-/// Share of a side by which mesh and cuboid may differ.
-const TOLERANCE: f64 = 0.15;
+/// Share of a side by which mesh and cuboid may differ: annotated cuboids of data sets differ by a sixth. Chosen.
+const TOLERANCE: f64 = 0.25;
 /// How far off the ground the lowest point may be, metres.
 const GROUND: f64 = 0.1;
 /// Greatest height as a share of the width: high vans have 1.5.

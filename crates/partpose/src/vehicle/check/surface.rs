@@ -42,7 +42,8 @@ pub(super) fn check(model: &PartialModel, findings: &mut Vec<Finding>) {
     }
     let at = |face: &[u32; 3]| middle(corners(model, *face));
     if let Some(first) = degenerate.first() {
-        findings.push(Finding::Degenerate { count: degenerate.len(), at: at(first) });
+        let (count, of) = (degenerate.len(), faces.len());
+        findings.push(Finding::Degenerate { count, of, at: at(first) });
     }
     let mut seen = BTreeSet::new();
     let turned_to_front = |face: &[u32; 3]| {
