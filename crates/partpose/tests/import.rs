@@ -426,6 +426,14 @@ fn a_small_gltf_cannot_make_endless_work_or_names() {
     json["buffers"][0]["byteLength"] = json!(3_000_000);
     let error = read_gltf(&json, &vec![0; 3_000_000]).unwrap_err();
     assert!(matches!(error, ImportError::TooMany { what: "triangles", .. }), "{error}");
+    // Objects of three bytes take hundreds in memory; a long string is only a string.
+    let objects = format!("{{\"nodes\": [{}{{}}]}}", "{},".repeat(1_100_000));
+    let folder = Folder::new();
+    let error = read_scene(&folder.write("a.gltf", objects)).unwrap_err();
+    assert!(matches!(error, ImportError::TooMany { what: "objects in its JSON", .. }), "{error}");
+    let mut json = gltf("buffers/a%20b.bin");
+    json["asset"]["generator"] = json!("{\"[\\".repeat(1_100_000));
+    assert!(read_gltf(&json, &gltf_bytes()).is_ok());
     // A chain of nodes, each below the one before: their paths together would take gigabytes.
     let name = "n".repeat(200);
     let chain = (0..5000).map(|at| json!({"name": name, "children": [at + 1], "mesh": 0}));

@@ -43,8 +43,8 @@ impl Severity {
 pub enum Finding {
     #[error("{faces} of {of} faces have no part")]
     Unlabeled { faces: usize, of: usize },
-    #[error("there is no `{}`", .part.name())]
-    MissingPart { part: PartClass },
+    #[error("there is no {}", .parts.iter().map(|part| format!("`{}`", part.name())).collect::<Vec<_>>().join(", "))]
+    MissingParts { parts: Vec<PartClass> },
     #[error("there is a `{}` but no `{}`", .part.opposite().name(), .part.name())]
     MissingCounterpart { part: PartClass },
     #[error("`{}` lies {:.2} m on the {} side", .part.name(), .x.abs(), if *.x > 0.0 { "right" } else { "left" })]
@@ -117,7 +117,7 @@ impl Finding {
             | Self::Size { .. }
             | Self::Across { .. }
             | Self::Upended { .. } => Severity::Error,
-            Self::MissingPart { part } => layout::severity_of_missing(*part),
+            Self::MissingParts { parts } => layout::severity_of_missing(parts),
             // A few slivers come from every cut; many mean a broken export.
             Self::Degenerate { count, of, .. } if 20 * count < *of => Severity::Note,
             Self::NonManifold { .. } => Severity::Note,
@@ -129,7 +129,7 @@ impl Finding {
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Unlabeled { .. } => "unlabeled",
-            Self::MissingPart { .. } => "missing-part",
+            Self::MissingParts { .. } => "missing-parts",
             Self::MissingCounterpart { .. } => "missing-counterpart",
             Self::WrongSide { .. } => "wrong-side",
             Self::SidesSwapped => "sides-swapped",
@@ -160,7 +160,7 @@ impl Finding {
     pub fn remedy(&self) -> String {
         let text = match self {
             Self::Unlabeled { .. } => "give them their parts with `partpose zoo annotate`",
-            Self::MissingPart { part } => layout::remedy_of_missing(*part),
+            Self::MissingParts { parts } => layout::remedy_of_missing(parts),
             Self::MissingCounterpart { .. } => {
                 "map the counterpart too; if one group holds both, write `\"LEFT|RIGHT\" = [...]`"
             }
@@ -358,13 +358,14 @@ mod tests {
             model.parts.retain(|_| *at.next().unwrap());
             model
         };
-        let found = check_partial(&without(&[PartClass::DoorRearLeft, PartClass::DoorRearRight]));
-        let doors: Vec<_> = found.iter().filter(|f| f.kind() == "missing-part").collect();
-        assert_eq!(doors.len(), 2);
-        assert!(doors.iter().all(|finding| finding.severity() == Severity::Note));
+        let doors = [PartClass::DoorRearLeft, PartClass::DoorRearRight];
+        let found = check_partial(&without(&doors));
+        let missing = Finding::MissingParts { parts: doors.to_vec() };
+        assert!(found.contains(&missing), "{found:?}");
+        assert_eq!(missing.severity(), Severity::Note);
         let found = kinds(&without(&[PartClass::MirrorLeft]));
         assert!(found.contains(&"missing-counterpart"), "{found:?}");
-        assert!(kinds(&without(&[PartClass::Hood])).contains(&"missing-part"));
+        assert!(kinds(&without(&[PartClass::Hood])).contains(&"missing-parts"));
         let uneven = relabeled(|part| match part {
             PartClass::DoorRearLeft => PartClass::DoorFrontLeft,
             other => other,

@@ -89,7 +89,7 @@ impl Row {
 fn check_files(path: &Path) -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for file in ModelZoo::files(path)? {
-        match from_partial_glb(&files::read(&file)?) {
+        match from_partial_glb(&files::read(&file).map_err(ZooError::from)?) {
             Ok(model) => rows.push(Row::new(&model.name, &check_partial(&model))),
             Err(source) => rows.push(Row::unreadable(ZooError::Model { path: file, source })),
         }

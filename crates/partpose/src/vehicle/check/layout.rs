@@ -76,34 +76,43 @@ pub(super) fn check(model: &PartialModel, findings: &mut Vec<Finding>) {
 
 fn check_missing(lumps: &PartMap<Lump>, findings: &mut Vec<Finding>) {
     let is_there = |part: PartClass| lumps.get(part).is_some();
+    let (mut optional, mut missing) = (Vec::new(), Vec::new());
     for part in PartClass::ALL.into_iter().filter(|part| !is_there(*part)) {
-        findings.push(if is_there(part.opposite()) {
-            Finding::MissingCounterpart { part }
+        if is_there(part.opposite()) {
+            findings.push(Finding::MissingCounterpart { part });
+        } else if is_optional(part) {
+            optional.push(part);
         } else {
-            Finding::MissingPart { part }
-        });
+            missing.push(part);
+        }
     }
+    let some = [missing, optional].into_iter().filter(|parts| !parts.is_empty());
+    findings.extend(some.map(|parts| Finding::MissingParts { parts }));
 }
 
-/// A part that no vehicle of its body style may have is worth a note, another one a warning.
-pub(super) fn severity_of_missing(part: PartClass) -> Severity {
-    match part {
-        // Two-door cars have no rear doors, vans no side windows at the rear and no trunk lid of their own.
+/// Whether some body styles do not have the part.
+fn is_optional(part: PartClass) -> bool {
+    matches!(
+        part,
+        // Two-door cars have no rear doors, vans no side windows at the rear.
         PartClass::DoorRearLeft
-        | PartClass::DoorRearRight
-        | PartClass::GlassRearLeft
-        | PartClass::GlassRearRight
-        | PartClass::GlassCornerLeft
-        | PartClass::GlassCornerRight => Severity::Note,
-        _ => Severity::Warning,
-    }
+            | PartClass::DoorRearRight
+            | PartClass::GlassRearLeft
+            | PartClass::GlassRearRight
+            | PartClass::GlassCornerLeft
+            | PartClass::GlassCornerRight
+    )
 }
 
-pub(super) fn remedy_of_missing(part: PartClass) -> &'static str {
-    match severity_of_missing(part) {
+pub(super) fn severity_of_missing(parts: &[PartClass]) -> Severity {
+    if parts.iter().all(|part| is_optional(*part)) { Severity::Note } else { Severity::Warning }
+}
+
+pub(super) fn remedy_of_missing(parts: &[PartClass]) -> &'static str {
+    match severity_of_missing(parts) {
         Severity::Note => "as it should be for a two-door car or a van; else map its group",
         _ => {
-            "map its group (`partpose zoo import FILE --list`), or leave the body unlabeled for `partpose zoo annotate`"
+            "map their groups (`partpose zoo import FILE --list`), or leave the body unlabeled for `partpose zoo annotate`"
         }
     }
 }

@@ -237,7 +237,8 @@ impl ImportError {
             Self::Ply { source: PlyFault::Strips, .. } => "export it with separate triangles",
             Self::Line { .. } | Self::Ply { .. } => AGAIN,
             Self::TooMany { what: "groups", .. } => "join nodes or groups before exporting it",
-            Self::TooMany { .. } => "decimate the mesh",
+            Self::TooMany { what: "triangles" | "vertices", .. } => "decimate the mesh",
+            Self::TooMany { .. } => "export the vehicle alone, without scene and animations",
             Self::Empty { .. } => "export the mesh itself, not only points, lines or curves",
         })
     }

@@ -23,6 +23,10 @@ use super::{
 
 /// Most bytes of all paths of nodes together: a deep chain of nodes with long names must not fill the memory.
 const MAX_PATHS: usize = 64 << 20;
+/// Most objects and lists in the JSON, and most bytes of it outside strings: what is parsed takes far more memory than
+/// its text.
+const MAX_OBJECTS: usize = 1_000_000;
+const MAX_JSON: usize = 64 << 20;
 /// Required extensions that change materials, textures and lights only.
 const HARMLESS: [&str; 5] =
     ["KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"];
@@ -42,6 +46,10 @@ pub(super) fn read_gltf(path: &Path) -> Result<ForeignScene, ImportError> {
 
 fn read(path: &Path, json: &[u8], chunk: Option<&[u8]>) -> Result<ForeignScene, ImportError> {
     let failed = |source| ImportError::Gltf { path: path.to_owned(), source };
+    if !is_modest(json) {
+        let (what, limit) = ("objects in its JSON", MAX_OBJECTS);
+        return Err(ImportError::TooMany { path: path.to_owned(), what, limit });
+    }
     let root: Root = serde_json::from_slice(json).map_err(|error| failed(GlbError::Json(error)))?;
     let is_harmless = |name: &String| HARMLESS.iter().any(|start| name.starts_with(start));
     if let Some(extension) = root.extensions_required.iter().find(|name| !is_harmless(name)) {
@@ -56,7 +64,7 @@ fn read(path: &Path, json: &[u8], chunk: Option<&[u8]>) -> Result<ForeignScene, 
         return Err(ImportError::groups(path));
     }
     let mut scene = ForeignScene::default();
-    let (mut faces, mut vertices, mut skipped) = (0, 0, 0);
+    let (mut faces, mut vertices, mut skipped, mut named) = (0, 0, 0, 0);
     for (node, gltf_from_node) in placed {
         let Some(index) = root.nodes[node].mesh else { continue };
         let mesh = get("mesh", &root.meshes, index).map_err(failed)?;
@@ -81,7 +89,8 @@ fn read(path: &Path, json: &[u8], chunk: Option<&[u8]>) -> Result<ForeignScene, 
             if corners.is_empty() {
                 continue;
             }
-            if scene.groups.len() == MAX_GROUPS {
+            named += paths[node].len();
+            if scene.groups.len() == MAX_GROUPS || named > MAX_PATHS {
                 return Err(ImportError::groups(path));
             }
             let name = |name: Option<&str>| clean_name(name.unwrap_or_default());
@@ -99,6 +108,22 @@ fn read(path: &Path, json: &[u8], chunk: Option<&[u8]>) -> Result<ForeignScene, 
         scene.remarks.push(Remark::NotTriangles(skipped));
     }
     Ok(scene)
+}
+
+/// Whether the JSON will not fill the memory when it is parsed; buffers in strings do not count.
+fn is_modest(json: &[u8]) -> bool {
+    let (mut objects, mut outside, mut in_string, mut escaped) = (0, 0, false, false);
+    for byte in json {
+        if in_string {
+            in_string = escaped || *byte != b'"';
+            escaped = !escaped && *byte == b'\\';
+        } else {
+            outside += 1;
+            objects += usize::from(matches!(byte, b'{' | b'['));
+            in_string = *byte == b'"';
+        }
+    }
+    objects <= MAX_OBJECTS && outside <= MAX_JSON
 }
 
 /// The contents of the buffers, cut to the announced lengths.

@@ -56,12 +56,12 @@ pub enum Target {
 #[non_exhaustive]
 pub enum TargetError {
     /// A name that no part has.
-    #[error("`{name}` is no part; the nearest is `{nearest}`")]
+    #[error("`{name}` is no part{}", .nearest.map_or_else(String::new, |part| format!("; the nearest is `{part}`")))]
     Unknown {
         /// The name.
         name: String,
-        /// The name of a part that is spelt most alike.
-        nearest: &'static str,
+        /// The name of the part that is spelt most alike, if one is.
+        nearest: Option<&'static str>,
     },
     /// Parts that neither side nor end tells apart.
     #[error("`{0}` cannot be told apart by side and end")]
@@ -122,10 +122,11 @@ pub struct ImportMap {
     pub rules: Vec<Rule>,
 }
 
-/// The part whose name is spelt most alike.
-fn nearest_part(name: &str) -> &'static str {
+/// The part whose name is spelt most alike, if no more than a third of it must change.
+fn nearest_part(name: &str) -> Option<&'static str> {
     let distance = |part: &PartClass| edit_distance(part.name(), name);
-    PartClass::ALL.iter().min_by_key(|part| distance(part)).map_or("", |part| part.name())
+    let nearest = PartClass::ALL.into_iter().min_by_key(distance)?;
+    (3 * distance(&nearest) <= nearest.name().len()).then(|| nearest.name())
 }
 
 /// Levenshtein's distance, capitals and small letters being equal, of the first 60 characters.
@@ -159,6 +160,7 @@ mod tests {
                 format!("`{name}` is no part; the nearest is `{nearest}`")
             );
         }
+        assert_eq!(Target::parse("bonnet").unwrap_err().to_string(), "`bonnet` is no part");
     }
 
     #[test]

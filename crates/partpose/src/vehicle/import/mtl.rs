@@ -8,7 +8,7 @@ use std::path::Path;
 
 use crate::files;
 
-use super::{ImportError, LineFault, scene::clean_name};
+use super::{ImportError, LineFault, MAX_GROUPS, scene::clean_name};
 
 /// Statements that are followed by numbers.
 const NUMBERS: [&str; 9] = ["Ka", "Kd", "Ks", "Ke", "Ns", "Ni", "d", "Tr", "illum"];
@@ -28,6 +28,9 @@ pub(super) fn read_names(path: &Path) -> Result<BTreeSet<String>, ImportError> {
                     return Err(failed(LineFault::NoName("newmtl")));
                 }
                 names.insert(name);
+                if names.len() > MAX_GROUPS {
+                    return Err(ImportError::groups(path));
+                }
             }
             Some(word) if NUMBERS.contains(&word) => {
                 // `Kd spectral FILE` and `Kd xyz`, `d -halo` are other ways to say it.

@@ -139,6 +139,9 @@ impl<'a> Reader<'a> {
             "usemtl" => {
                 self.material = clean_name(rest);
                 self.used.entry(self.material.clone()).or_insert(line);
+                if self.used.len() > MAX_GROUPS {
+                    return Err(ImportError::groups(self.path));
+                }
                 self.current = None;
             }
             "mtllib" => self.library(line, rest.trim())?,
