@@ -198,6 +198,14 @@ fn faults_of_a_map_are_told_with_their_line() {
             --- exit 2
         "#]],
         ),
+    ] {
+        check_map(&map, &[], &expected);
+    }
+}
+
+#[test]
+fn settings_that_make_no_model_are_told() {
+    for (map, expected) in [
         (
             HEAD.replace("+z", "+y"),
             expect![[r#"
@@ -365,6 +373,15 @@ fn what_cannot_be_read_is_told_with_file_place_and_remedy() {
             --- exit 2
         "#]],
     );
+}
+
+#[test]
+fn other_files_than_models_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let import = |name: &str, content: &str, expected: &Expect| {
+        fs::write(folder.path().join(name), content).unwrap();
+        check(folder.path(), &["zoo", "import", name, "--list"], expected);
+    };
     import(
         "d.ply",
         "ply\nformat ascii 1.0\nelement vertex 99999\nproperty float x\nend_header\n",
@@ -409,7 +426,7 @@ fn what_cannot_be_read_is_told_with_file_place_and_remedy() {
     );
     check(
         folder.path(),
-        &["zoo", "import", "a.obj", "--map", "none.toml", "--out", "zoo"],
+        &["zoo", "import", "e.stl", "--map", "none.toml", "--out", "zoo"],
         &expect![[r#"
             --- stderr
             error: cannot read `none.toml`
@@ -422,6 +439,10 @@ fn what_cannot_be_read_is_told_with_file_place_and_remedy() {
 
 /// The free models of the issue, where they are: names, sides and sizes.
 #[test]
+#[expect(
+    clippy::print_stderr,
+    reason = "whoever runs the tests should know what they did not test"
+)]
 fn the_example_maps_fit_their_models() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let meshes = root.join("../shared/data/meshes");

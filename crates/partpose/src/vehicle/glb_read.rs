@@ -46,7 +46,11 @@ pub fn from_partial_glb(bytes: &[u8]) -> Result<PartialModel, GlbError> {
         for (at, primitive) in mesh.primitives.iter().enumerate() {
             let names = Names::of(&root, node, index, primitive);
             let named = || names.describe(index, at);
-            let part = names.part().ok_or_else(|| GlbError::UnknownPart { primitive: named() })?;
+            let part = match names.label() {
+                Some(Label::Part(part)) => Some(part),
+                Some(Label::Unlabeled) => None,
+                None => return Err(GlbError::UnknownPart { primitive: named() }),
+            };
             let read = match primitive.mode.unwrap_or(TRIANGLES) {
                 TRIANGLES => read_primitive(&root, buffer.as_slice(), primitive),
                 mode => Err(PrimitiveFault::Mode(mode)),
@@ -75,6 +79,13 @@ pub(super) fn outward(mut mesh: Mesh) -> Mesh {
     mesh
 }
 
+/// What a name says of faces.
+enum Label {
+    Part(PartClass),
+    /// They have no part, and the file says so.
+    Unlabeled,
+}
+
 /// The names that may tell the part of a primitive.
 pub(super) struct Names<'a> {
     pub(super) material: Option<&'a str>,
@@ -92,12 +103,12 @@ impl<'a> Names<'a> {
         }
     }
 
-    /// The part, `Some(None)` for those named after none on purpose, or `None` where no name tells.
-    fn part(&self) -> Option<Option<PartClass>> {
+    /// What the faces are, where a name tells it.
+    fn label(&self) -> Option<Label> {
         let names = [self.material, self.mesh, self.node].into_iter().flatten();
         names.map(without_counter).find_map(|name| match name {
-            UNLABELED => Some(None),
-            name => PartClass::from_name(name).map(Some),
+            UNLABELED => Some(Label::Unlabeled),
+            name => PartClass::from_name(name).map(Label::Part),
         })
     }
 

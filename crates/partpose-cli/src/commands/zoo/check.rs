@@ -23,12 +23,11 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let rows = match &arguments.zoo {
-        Some(path) => check_files(path)?,
-        None => {
-            let models = ModelZoo::embedded().models;
-            models.iter().map(|model| Row::new(model.name(), &check_model(model))).collect()
-        }
+    let rows = if let Some(path) = &arguments.zoo {
+        check_files(path)?
+    } else {
+        let models = ModelZoo::embedded().models;
+        models.iter().map(|model| Row::new(model.name(), &check_model(model))).collect()
     };
     if arguments.json {
         report::data(&(serde_json::to_string_pretty(&rows)? + "\n"))?;

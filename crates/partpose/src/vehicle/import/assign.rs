@@ -153,8 +153,8 @@ pub fn apply_map(scene: &ForeignScene, map: &ImportMap) -> Result<Imported, MapE
         parts: builder.parts,
     };
     model.check().map_err(MapError::Model)?;
-    let ignored = |target: &&Option<&Target>| target.is_some_and(|is| *is == Target::Ignore);
-    let ignored = targets.iter().zip(&scene.groups).filter(|(target, _)| ignored(target));
+    let ignored =
+        targets.iter().zip(&scene.groups).filter(|(target, _)| **target == Some(&Target::Ignore));
     Ok(Imported {
         model,
         unknown,
@@ -263,9 +263,12 @@ fn placed(
         let is_mirror =
             |part: &PartClass| [PartClass::MirrorLeft, PartClass::MirrorRight].contains(part);
         // Only vertices of faces are kept by readers, so that stray points do not count.
-        vertices.iter().for_each(|p| all.add(p));
-        if !parts.iter().any(is_mirror) {
-            vertices.iter().for_each(|p| without_mirrors.add(p));
+        let counts = !parts.iter().any(is_mirror);
+        for p in &vertices {
+            all.add(p);
+            if counts {
+                without_mirrors.add(p);
+            }
         }
         groups.push(Placed { group: index, vertices, parts });
     }

@@ -32,10 +32,10 @@ pub(super) fn table(scene: &ForeignScene) -> String {
 pub(super) fn template(path: &Path, scene: &ForeignScene) -> String {
     let (low, high) = bounds(&scene.groups);
     let size = high - low;
-    let is_gltf = path.extension().is_some_and(|ending| {
-        ending.to_ascii_lowercase() != "obj" && ending.to_ascii_lowercase() != "ply"
-    });
-    let up = if is_gltf { 1 } else { 2 };
+    // glTF has +Y up; the others have no rule, and z is usual.
+    let is =
+        |other: &str| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(other));
+    let up = if is("gltf") || is("glb") { 1 } else { 2 };
     let along = (0..3).filter(|axis| *axis != up).max_by(|a, b| size[*a].total_cmp(&size[*b]));
     let axis = |index: usize| ["x", "y", "z"][index];
     let stem: String =
