@@ -375,12 +375,11 @@ fn every_corrupted_gltf_is_an_error() {
     ];
     for (pointer, value) in cases {
         let mut json = gltf("buffers/a%20b.bin");
-        match json.pointer_mut(pointer) {
-            Some(place) => *place = value.clone(),
-            None => {
-                let (parent, key) = pointer.rsplit_once('/').unwrap();
-                json.pointer_mut(parent).unwrap()[key] = value.clone();
-            }
+        if let Some(place) = json.pointer_mut(pointer) {
+            *place = value.clone();
+        } else {
+            let (parent, key) = pointer.rsplit_once('/').unwrap();
+            json.pointer_mut(parent).unwrap()[key] = value.clone();
         }
         let error = read_gltf(&json, &gltf_bytes()).map(|_| ());
         let error = error.expect_err(&format!("{pointer} = {value} passed"));
