@@ -13,13 +13,15 @@ use std::collections::BTreeMap;
 use crate::parts::PartClass;
 
 use super::{
-    VehicleModel, glb,
+    PartialModel, UNLABELED, VehicleModel, glb,
     glb_schema::{
         Accessor, Asset, Buffer, BufferView, Extras, F32, Material, Mesh, Node, Pbr, Primitive,
         Root, Scene, U32,
     },
 };
 
+/// Grey, which no part has: the author's black for "unlabeled" would hide the shape in a viewer.
+const UNLABELED_COLOR: [u8; 3] = [150, 150, 150];
 /// Buffer target of vertices.
 const ARRAY_BUFFER: u32 = 34962;
 /// Buffer target of indices.
@@ -29,14 +31,21 @@ const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 ///
 /// Vertices without a face are left out.
 pub fn to_glb(model: &VehicleModel) -> Vec<u8> {
+    to_partial_glb(&PartialModel::from(model))
+}
+
+/// The bytes of a GLB file in which the faces without a part have a primitive of their own, named [`UNLABELED`].
+///
+/// Vertices without a face are left out. Faces must have existing vertices, as [`PartialModel::check`] tells.
+pub fn to_partial_glb(model: &PartialModel) -> Vec<u8> {
     let extras = Extras {
-        name: model.name().to_owned(),
-        category: model.category().to_owned(),
-        body_style: model.body_style().to_owned(),
-        extent: model.extent(),
+        name: model.name.clone(),
+        category: model.category.clone(),
+        body_style: model.body_style.clone(),
+        extent: model.extent,
     };
     let root_node = Node {
-        name: Some(model.name().to_owned()),
+        name: Some(model.name.clone()),
         extras: Some(serde_json::json!({ "partpose": extras })),
         ..Node::default()
     };
@@ -52,7 +61,7 @@ pub fn to_glb(model: &VehicleModel) -> Vec<u8> {
         ..Root::default()
     };
     let mut bytes = Vec::new();
-    for part in PartClass::ALL {
+    for part in PartClass::ALL.map(Some).into_iter().chain([None]) {
         push_part(&mut root, &mut bytes, model, part);
     }
     root.buffers.push(Buffer { uri: None, byte_length: bytes.len() });
@@ -60,14 +69,13 @@ pub fn to_glb(model: &VehicleModel) -> Vec<u8> {
     glb::join(json, bytes)
 }
 
-fn push_part(root: &mut Root, bytes: &mut Vec<u8>, model: &VehicleModel, part: PartClass) {
-    let mesh = model.mesh();
+fn push_part(root: &mut Root, bytes: &mut Vec<u8>, model: &PartialModel, part: Option<PartClass>) {
     let (mut positions, mut indices) = (Vec::new(), Vec::new());
     let mut local_from_global = BTreeMap::new();
-    let faces = mesh.faces.iter().zip(&mesh.parts).filter(|(_, of)| **of == part);
+    let faces = model.faces.iter().zip(&model.parts).filter(|(_, of)| **of == part);
     for global in faces.flat_map(|(face, _)| *face) {
         let local = *local_from_global.entry(global).or_insert_with(|| {
-            let p = &mesh.vertices[global as usize];
+            let p = &model.vertices[global as usize];
             positions.push([-p.x, -p.y, p.z].map(|value| value as f32));
             positions.len() as u32 - 1
         });
@@ -102,7 +110,7 @@ fn push_part(root: &mut Root, bytes: &mut Vec<u8>, model: &VehicleModel, part: P
     let accessors = root.accessors.len();
     root.accessors.extend([position, index]);
 
-    let name = || Some(part.name().to_owned());
+    let name = || Some(part.map_or(UNLABELED, PartClass::name).to_owned());
     let node = root.nodes.len();
     root.nodes[0].children.push(node);
     root.nodes.push(Node { name: name(), mesh: Some(root.meshes.len()), ..Node::default() });
@@ -113,7 +121,7 @@ fn push_part(root: &mut Root, bytes: &mut Vec<u8>, model: &VehicleModel, part: P
         mode: None,
     };
     root.meshes.push(Mesh { name: name(), primitives: vec![primitive] });
-    let [r, g, b] = part.color().map(linear_from_srgb);
+    let [r, g, b] = part.map_or(UNLABELED_COLOR, PartClass::color).map(linear_from_srgb);
     let pbr =
         Pbr { base_color_factor: [r, g, b, 1.0], metallic_factor: 0.0, roughness_factor: 0.8 };
     root.materials.push(Material { name: name(), pbr_metallic_roughness: pbr });

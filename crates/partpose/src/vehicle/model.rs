@@ -36,6 +36,14 @@ pub enum ModelError {
     /// Parameters that make no vehicle.
     #[error("{0} make no vehicle")]
     Parameters(&'static str),
+    /// Faces without a part, where each must have one.
+    #[error("{faces} of {of} faces have no part")]
+    Unlabeled {
+        /// How many have none.
+        faces: usize,
+        /// How many there are.
+        of: usize,
+    },
     /// A vertex is not a finite point.
     #[error("vertex {vertex} is not finite")]
     NotFinite {
