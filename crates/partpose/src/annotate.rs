@@ -8,6 +8,7 @@ mod align;
 mod evaluate;
 mod lattice;
 mod outside;
+mod profile;
 mod shape;
 mod smooth;
 mod surface;

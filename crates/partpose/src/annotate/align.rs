@@ -13,6 +13,7 @@ use crate::geometry::{Point3, Vector3};
 use crate::parts::{PartClass, PartMap};
 
 use super::lattice::{Lattice, Pull};
+use super::profile;
 use super::shape::{Frame, Shape, Spot};
 use super::tree::{Key, Tree, key};
 
@@ -28,6 +29,8 @@ const REACH: [f64; 2] = [0.7, 0.25];
 const STIFFNESS: [f64; 2] = [300.0, 3.0];
 /// Distance at which a pull loses half its weight, metres, first and last.
 const SCALE: [f64; 2] = [0.6, 0.06];
+/// Weight of the matched outlines against that of a point, first and last.
+const OUTLINE: [f64; 2] = [2.0, 0.2];
 /// Share of a pull that acts along the surface.
 const ACROSS: f64 = 0.1;
 
@@ -50,14 +53,20 @@ impl Alignment {
             moving.iter().map(|spot| scaled(&target.frame, &source.frame, &spot.point)).collect();
         let (low, high) = bounds(&placed);
         let lattice = Lattice::new(low, high, SPACING);
+        let outline = profile::pulls(
+            &placed_spots(target, &target.frame, &source.frame),
+            &source.spots,
+            source.frame.half_width,
+        );
         let mut alignment =
             Self { target: target.frame, source: source.frame, lattice, residual: f64::INFINITY };
+        alignment.lattice.solve(&outline, STIFFNESS[1]);
         for round in 0..ROUNDS {
             let share = round as f64 / (ROUNDS - 1) as f64;
             let between = |[from, to]: [f64; 2]| from * (to / from).powf(share);
             let (reach, scale) = (between(REACH), between(SCALE));
             let trees = matcher.trees(reach);
-            let mut pulls = Vec::with_capacity(moving.len());
+            let mut pulls = Vec::with_capacity(moving.len() + outline.len());
             let mut sum = 0.0;
             for (spot, start) in moving.iter().zip(&placed) {
                 let here = start + alignment.lattice.at(start);
@@ -76,6 +85,8 @@ impl Alignment {
                 });
             }
             alignment.residual = sum / pulls.len().max(1) as f64;
+            let weight = between(OUTLINE);
+            pulls.extend(outline.iter().map(|pull| Pull { weight, ..*pull }));
             alignment.lattice.solve(&pulls, between(STIFFNESS));
         }
         alignment
@@ -118,6 +129,12 @@ fn scaled(from: &Frame, to: &Frame, point: &Point3) -> Point3 {
     let [c, d] = [to.stations[piece], to.stations[piece + 1]];
     let z = c + (point.z - a) / (b - a) * (d - c);
     Point3::new(x, y, z)
+}
+
+/// The shape's points as [`scaled`] puts them.
+fn placed_spots(shape: &Shape, from: &Frame, to: &Frame) -> Vec<Spot> {
+    let placed = |spot: &Spot| Spot { point: scaled(from, to, &spot.point), ..*spot };
+    shape.spots.iter().map(placed).collect()
 }
 
 fn bounds(points: &[Point3]) -> (Point3, Point3) {
