@@ -13,6 +13,7 @@ mod shape;
 mod smooth;
 mod surface;
 mod tree;
+mod tune;
 mod vote;
 
 pub use evaluate::{Agreement, agreement, leave_style_out};

@@ -9,7 +9,7 @@
 use crate::geometry::{Point3, Vector3};
 
 use super::lattice::Pull;
-use super::shape::Spot;
+use super::shape::Spot;use super::tune::tune;
 
 /// Width of the bins in which the highest point is taken, metres.
 const BIN: f64 = 0.05;
@@ -108,10 +108,10 @@ fn resampled(corners: &[[f64; 2]]) -> Vec<[f64; 2]> {
 
 /// The steps of `a` with the places on `b` that they correspond to; some of both may be left over.
 fn matches(a: &[Step], b: &[Step]) -> Vec<(Step, [f64; 2])> {
-    let cost = |i: usize, j: usize| {
+    let skip=tune("SKIP",SKIP); let (place_, angle_) = (tune("PLACE",PLACE),tune("ANGLE",ANGLE));     let cost = |i: usize, j: usize| {
         let (p, q) = (&a[i], &b[j]);
-        let place = ((p.z - q.z).powi(2) + (p.y - q.y).powi(2)) / (PLACE * PLACE);
-        place + ((p.angle - q.angle) / ANGLE).powi(2)
+        let place = ((p.z - q.z).powi(2) + (p.y - q.y).powi(2)) / (place_ * place_);
+        place + ((p.angle - q.angle) / angle_).powi(2)
     };
     let (n, m) = (a.len(), b.len());
     let mut total = vec![f64::INFINITY; (n + 1) * (m + 1)];
@@ -124,7 +124,7 @@ fn matches(a: &[Step], b: &[Step]) -> Vec<(Step, [f64; 2])> {
             }
             for before in [(i > 0).then(|| at(i - 1, j)), (j > 0).then(|| at(i, j - 1))] {
                 if let Some(before) = before {
-                    total[at(i, j)] = total[at(i, j)].min(total[before] + SKIP);
+                    total[at(i, j)] = total[at(i, j)].min(total[before] + skip);
                 }
             }
         }
@@ -136,7 +136,7 @@ fn matches(a: &[Step], b: &[Step]) -> Vec<(Step, [f64; 2])> {
         if total[at(i, j)] == total[at(i - 1, j - 1)] + cost(i - 1, j - 1) {
             (i, j) = (i - 1, j - 1);
             found.push((a[i], [b[j].z, b[j].y]));
-        } else if total[at(i, j)] == total[at(i - 1, j)] + SKIP {
+        } else if total[at(i, j)] == total[at(i - 1, j)] + skip {
             i -= 1;
         } else {
             j -= 1;
