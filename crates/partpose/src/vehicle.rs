@@ -5,11 +5,13 @@ mod glb;
 mod glb_read;
 mod glb_schema;
 mod glb_write;
+mod gltf_scene;
 pub mod import;
 mod mesh;
 mod model;
 mod parametric;
 mod partial;
+mod place;
 mod zoo;
 
 pub use glb::{GlbError, MAX_COORDINATE, MAX_FACES, MAX_SIDE, MIN_SIDE, PrimitiveFault};

@@ -16,6 +16,9 @@ pub const MIN_SIDE: f64 = 0.01;
 /// Largest side of a vehicle that is believed, metres.
 pub const MAX_SIDE: f64 = 100.0;
 
+/// Longest name, category or body style, bytes.
+pub(super) const MAX_TEXT: usize = 100;
+
 const MAGIC: &[u8; 4] = b"glTF";
 const JSON_CHUNK: &[u8; 4] = b"JSON";
 const BIN_CHUNK: &[u8; 4] = b"BIN\0";
@@ -154,6 +157,12 @@ pub enum PrimitiveFault {
         /// How many vertices there are.
         count: usize,
     },
+    /// A position that is not finite.
+    #[error("vertex {vertex} is not finite")]
+    NotFinite {
+        /// Number of the vertex in its accessor.
+        vertex: usize,
+    },
     /// A position that is not finite or absurdly far away.
     #[error("vertex {vertex} lies at {position}, not within {MAX_COORDINATE} m")]
     Position {
@@ -192,6 +201,11 @@ impl GlbError {
             _ => "the file is damaged or made by a faulty program: export it again",
         }
     }
+}
+
+/// Whether a text can be a model's name, category or body style.
+pub(super) fn is_text(text: &str) -> bool {
+    !text.is_empty() && text.len() <= MAX_TEXT && !text.chars().any(char::is_control)
 }
 
 /// The JSON and the bytes of a GLB.

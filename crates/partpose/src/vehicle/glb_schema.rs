@@ -19,6 +19,10 @@ pub(super) const U32: u32 = 5125;
 pub(super) const F32: u32 = 5126;
 /// Primitive mode of separate triangles, the default.
 pub(super) const TRIANGLES: u32 = 4;
+/// Primitive mode of triangles that share an edge with the one before.
+pub(super) const TRIANGLE_STRIP: u32 = 5;
+/// Primitive mode of triangles that share their first corner.
+pub(super) const TRIANGLE_FAN: u32 = 6;
 
 #[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase", default)]

@@ -6,11 +6,16 @@ use std::path::{Path, PathBuf};
 use crate::files::{self, FileError};
 use crate::geometry::Extent;
 
-use super::{GlbError, ParametricVehicle, VehicleModel, from_glb, to_glb};
+use super::{
+    GlbError, ParametricVehicle, PartialModel, VehicleModel, from_glb, to_glb, to_partial_glb,
+};
 
 /// How to come by a zoo.
 const WHERE_FROM: &str = "a zoo is a folder of `.glb` models or one of them: `partpose zoo carve` makes one from part masks, \
                           `partpose demo --out DIR` writes one to begin with into `DIR/zoo`";
+
+/// What the name of a file ends in, before `.glb`, that holds faces without a part.
+const PARTIAL: &str = ".partial";
 
 /// Models in a fixed order; where errors tie, the first wins.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -97,7 +102,8 @@ impl ModelZoo {
 
     /// Reads a folder of `.glb` files in the order of their names, or a single file.
     ///
-    /// A zoo that holds no model is an error: nothing can be fitted with it.
+    /// A zoo that holds no model is an error: nothing can be fitted with it. `NAME.partial.glb`, of which some faces
+    /// have no part yet, is an error too, unless `NAME.glb`, which was made of it, lies beside it.
     pub fn load(path: &Path) -> Result<Self, ZooError> {
         let files = if path.is_dir() { glb_files(path)? } else { vec![path.to_owned()] };
         if files.is_empty() {
@@ -146,6 +152,20 @@ impl ModelZoo {
         Ok(())
     }
 
+    /// Writes one model into a folder beside those that are there, and gives the file: `NAME.glb`, or
+    /// `NAME.partial.glb` if faces have no part.
+    ///
+    /// A file of equal name is replaced.
+    pub fn add_to(path: &Path, model: &PartialModel) -> Result<PathBuf, ZooError> {
+        if !can_name_a_file(&model.name) || model.name.ends_with(PARTIAL) {
+            return Err(ZooError::Name { name: model.name.clone() });
+        }
+        let ending = if model.unlabeled() > 0 { PARTIAL } else { "" };
+        let file = path.join(format!("{}{ending}.glb", model.name));
+        files::write(&file, &to_partial_glb(model))?;
+        Ok(file)
+    }
+
     /// The model with a name.
     pub fn get(&self, name: &str) -> Option<&VehicleModel> {
         self.models.iter().find(|model| model.name() == name)
@@ -160,8 +180,10 @@ impl ModelZoo {
     }
 }
 
-/// The `.glb` files of a folder, sorted by name; hidden ones are left out.
-fn glb_files(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
+/// The `.glb` files of a folder, sorted by name.
+///
+/// Hidden ones are left out, and `NAME.partial.glb` where the finished `NAME.glb` is there.
+pub(super) fn glb_files(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
     let failed = |source| FileError::read(folder, source);
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(failed)? {
@@ -174,6 +196,12 @@ fn glb_files(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
         }
     }
     files.sort();
+    let all = files.clone();
+    files.retain(|file| {
+        let stem = file.file_stem().and_then(|stem| stem.to_str());
+        let finished = stem.and_then(|stem| stem.strip_suffix(PARTIAL));
+        !finished.is_some_and(|name| all.contains(&folder.join(format!("{name}.glb"))))
+    });
     Ok(files)
 }
 
