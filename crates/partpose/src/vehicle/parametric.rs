@@ -5,25 +5,36 @@
 //! the sill, up the side with its tuck-in, belt and tumblehome, round the edge and over to the middle of the roof
 //! (`loft.rs`). Where rings pinch at nose and tail the corners of the bumpers arise. Seams between parts are then cut
 //! into this surface exactly along implicit curves (`seams.rs`), wheels and mirrors are added (`fittings.rs`), and the
-//! half is mirrored. All body styles are to share this one space of parameters.
+//! half is mirrored. All body styles are points of this one space of parameters (`models.rs`), listed in
+//! `docs/vehicles.md`.
 //!
-//! Limits: no interior, no glass thickness, plain bumpers; one side crease at most.
+//! Limits: no interior, no glass thickness; one side crease at most; both sides alike.
 
+mod curves;
 mod fittings;
 mod half;
 mod loft;
+mod measures;
+mod models;
 mod path;
 mod regions;
+mod relief;
+mod requirements;
 mod seams;
+mod stations;
+
+use serde::{Deserialize, Serialize};
 
 use crate::geometry::Extent;
+use crate::parts::PartClass;
 
-use super::{ModelError, VehicleModel};
+use super::{Mesh, ModelError, VehicleModel};
 
 /// The shape of a vehicle. Lengths are metres, angles degrees; heights are above the ground.
 ///
 /// Behind and ahead are along the vehicle; rakes are measured from the vertical, so that larger is flatter.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ParametricVehicle {
     /// Name of the model.
     pub name: String,
@@ -48,17 +59,27 @@ pub struct ParametricVehicle {
     pub wheel_diameter: f64,
     /// Width of the tyres.
     pub tyre_width: f64,
+    /// Radius of the rims as a share of the wheels' radius.
+    pub rim: f64,
+    /// From the tyres to the edge of the wheel arches.
+    pub arch_gap: f64,
+    /// How far the wheel arches' edges stand out from the sides.
+    pub arch_flare: f64,
     /// Height of the sills' lower edge.
     pub ground_clearance: f64,
 
     /// Height of the foremost point.
     pub nose_height: f64,
+    /// How far behind the foremost point the front bumper's lower edge lies.
+    pub front_undercut: f64,
     /// Height of the upper edge of the front bumper, where the headlamps begin.
     pub front_bumper_height: f64,
     /// Height of the front edge of the hood.
     pub hood_front_height: f64,
     /// How far behind the foremost point the hood begins.
     pub hood_setback: f64,
+    /// How far the middle of the hood lies above the straight line between its ends.
+    pub hood_curve: f64,
     /// Height of the foot of the windscreen.
     pub cowl_height: f64,
     /// How far behind the front axle the foot of the windscreen lies.
@@ -69,8 +90,16 @@ pub struct ParametricVehicle {
     pub header_drop: f64,
     /// How far below the highest point the upper edge of the rear window lies.
     pub roof_end_drop: f64,
+    /// Where the roof is highest: 0 at the windscreen, 1 at the rear window.
+    pub roof_peak: f64,
+    /// How far the middle of the roof lies above its edges.
+    pub roof_crown: f64,
+    /// Width of the round edges of the roof.
+    pub roof_radius: f64,
     /// Rake of the rear window.
     pub rear_window_rake: f64,
+    /// How far below the end of the roof the glass of the rear window begins.
+    pub rear_window_gap: f64,
     /// Height of the foot of the rear window.
     pub deck_height: f64,
     /// From the foot of the rear window to the rear edge of the trunk lid; nearly none without a notch.
@@ -83,6 +112,10 @@ pub struct ParametricVehicle {
     pub rear_bumper_height: f64,
     /// Height of the rearmost point.
     pub tail_height: f64,
+    /// How far ahead of the rearmost point the rear bumper's lower edge lies.
+    pub rear_undercut: f64,
+    /// Depth of an open load bed behind the cab, from its rails to its floor; below 0.1 there is none.
+    pub bed_depth: f64,
 
     /// Height of the windows' lower edge at the foot of the windscreen.
     pub belt_front: f64,
@@ -90,6 +123,10 @@ pub struct ParametricVehicle {
     pub belt_rear: f64,
     /// How far the sides lean inwards above the belt.
     pub tumblehome: f64,
+    /// How much the sides curve above the belt: inwards by this times the height above the belt squared, per metre.
+    pub side_curve: f64,
+    /// How far the sides draw in from the widest height to the sills.
+    pub side_tuck: f64,
     /// Width of the shoulder below the side windows.
     pub shoulder: f64,
     /// How much narrower each side is at the front corner than at the doors.
@@ -105,114 +142,48 @@ pub struct ParametricVehicle {
     pub door_start: f64,
     /// How far behind the front axle the middle of the B-pillar lies.
     pub b_pillar: f64,
-    /// How far ahead of the rear axle the rear side window ends; negative for behind.
+    /// Whether there are rear doors.
+    pub rear_doors: bool,
+    /// How far ahead of the rear axle the rear door and its window end; negative for behind.
     pub rear_door_end: f64,
-    /// How far ahead of the rear axle the C-pillar's window ends at the belt; negative for behind.
+    /// Whether there are side windows behind the front doors.
+    pub rear_side_windows: bool,
+    /// Width of the pillar between the rear door's window and that behind it.
+    pub c_pillar: f64,
+    /// How far ahead of the rear axle the last side window ends at the belt; negative for behind. Where it ends before
+    /// the rear door's window does, there is no window behind that.
     pub quarter_glass_end: f64,
+    /// Rake of the rear end of the last side window.
+    pub quarter_glass_rake: f64,
+    /// Where the headlamps begin beside the grille: angle round the corner, 0 ahead and 90 to the side.
+    pub headlamp_inner: f64,
+    /// Where they end on the side.
+    pub headlamp_outer: f64,
+    /// How far the lower edge of the headlamps rises towards the side.
+    pub headlamp_sweep: f64,
+    /// Width of the grille.
+    pub grille_width: f64,
+    /// Where the tail lamps begin: angle round the corner, 0 behind and 90 to the side.
+    pub tail_lamp_inner: f64,
+    /// Where they end on the side.
+    pub tail_lamp_outer: f64,
     /// Height of the upper edge of the tail lamps.
     pub tail_lamp_top: f64,
     /// Height of their lower edge.
     pub tail_lamp_bottom: f64,
+    /// Height of the middle of the rear number plate.
+    pub plate_height: f64,
+    /// How far the mirrors reach beyond half the width.
+    pub mirror_reach: f64,
+    /// Height of the mirrors' housings.
+    pub mirror_height: f64,
 }
 
 impl ParametricVehicle {
-    /// A midsize sedan.
+    /// The annotated model; its extent is the smallest that holds the mesh without the mirrors.
     ///
-    /// Length, width, height, wheelbase, track and tyres are about what makers publish for the class (Volkswagen
-    /// Passat B8: 4.77 m x 1.83 m x 1.46 m, wheelbase 2.79 m); the rest is judged from side views of such cars.
-    pub fn sedan() -> Self {
-        Self {
-            name: "sedan".to_owned(),
-            category: "Car".to_owned(),
-            body_style: "sedan".to_owned(),
-            length: 4.77,
-            width: 1.83,
-            height: 1.46,
-            wheelbase: 2.79,
-            front_overhang: 0.88,
-            track: 1.58,
-            wheel_diameter: 0.66,
-            tyre_width: 0.215,
-            ground_clearance: 0.19,
-            nose_height: 0.50,
-            front_bumper_height: 0.61,
-            hood_front_height: 0.755,
-            hood_setback: 0.15,
-            cowl_height: 0.99,
-            cowl_setback: 0.45,
-            windscreen_rake: 61.0,
-            header_drop: 0.05,
-            roof_end_drop: 0.07,
-            rear_window_rake: 62.0,
-            deck_height: 1.08,
-            deck_length: 0.44,
-            lip_height: 1.06,
-            lip_setback: 0.07,
-            rear_bumper_height: 0.66,
-            tail_height: 0.52,
-            belt_front: 0.93,
-            belt_rear: 0.99,
-            tumblehome: 24.0,
-            shoulder: 0.035,
-            front_taper: 0.09,
-            rear_taper: 0.08,
-            front_corner: [0.13, 0.22, 0.36],
-            rear_corner: [0.08, 0.18, 0.30],
-            door_start: 0.52,
-            b_pillar: 1.50,
-            rear_door_end: 0.02,
-            quarter_glass_end: -0.22,
-            tail_lamp_top: 0.93,
-            tail_lamp_bottom: 0.74,
-        }
-    }
-
-    /// A compact hatchback.
-    ///
-    /// Length, width, height, wheelbase, track and tyres are about what makers publish for the class (Volkswagen
-    /// Golf VII: 4.26 m x 1.80 m x 1.45 m, wheelbase 2.63 m); the rest is judged from side views of such cars.
-    pub fn hatchback() -> Self {
-        Self {
-            name: "hatchback".to_owned(),
-            body_style: "hatchback".to_owned(),
-            length: 4.26,
-            width: 1.80,
-            height: 1.46,
-            wheelbase: 2.63,
-            front_overhang: 0.85,
-            track: 1.55,
-            wheel_diameter: 0.64,
-            tyre_width: 0.205,
-            cowl_height: 1.0,
-            cowl_setback: 0.38,
-            windscreen_rake: 60.0,
-            header_drop: 0.04,
-            roof_end_drop: 0.09,
-            rear_window_rake: 42.0,
-            deck_height: 1.0,
-            deck_length: 0.05,
-            lip_height: 0.93,
-            lip_setback: 0.06,
-            rear_bumper_height: 0.62,
-            belt_front: 0.94,
-            belt_rear: 1.0,
-            tumblehome: 23.0,
-            front_taper: 0.08,
-            rear_taper: 0.07,
-            rear_corner: [0.08, 0.17, 0.24],
-            door_start: 0.47,
-            b_pillar: 1.46,
-            rear_door_end: 0.0,
-            quarter_glass_end: -0.34,
-            tail_lamp_top: 0.97,
-            tail_lamp_bottom: 0.76,
-            ..Self::sedan()
-        }
-    }
-
-    /// The annotated model; its extent is the smallest that holds the mesh, mirrors included.
-    ///
-    /// Fails for parameters that make no vehicle.
+    /// That is how published widths are measured, and about how data sets draw their cuboids: the mirrors reach out of
+    /// the extent. Fails for parameters that make no vehicle.
     pub fn build(&self) -> Result<VehicleModel, ModelError> {
         if let Some((_, what)) = self.requirements().into_iter().find(|(holds, _)| !holds) {
             return Err(ModelError::Parameters(what));
@@ -221,109 +192,11 @@ impl ParametricVehicle {
         regions::paint(self, &mut half);
         fittings::add_wheels(self, &mut half);
         fittings::add_axle_covers(self, &mut half);
+        fittings::add_plates(self, &mut half);
         fittings::add_mirror(self, &mut half);
         let mesh = half.mirrored_together();
-        let (low, high) = mesh.bounds().ok_or(ModelError::Empty)?;
-        let size = high - low;
-        let extent = Extent::new(size.x, size.y, size.z);
+        let extent = extent_without_mirrors(&mesh).ok_or(ModelError::Empty)?;
         VehicleModel::new(&self.name, &self.category, &self.body_style, extent, mesh)
-    }
-
-    /// What must hold for the curves to exist and to run from front to rear, with what is to blame if not.
-    fn requirements(&self) -> [(bool, &'static str); 12] {
-        let between = |value: f64, low: f64, high: f64| low <= value && value <= high;
-        let rising = |values: &[f64]| values.windows(2).all(|pair| pair[1] - pair[0] > 0.005);
-        let arch = self.arch_radius();
-        let rear_overhang = self.length - self.front_overhang - self.wheelbase;
-        let header = self.height - self.header_drop;
-        let roof_end = self.height - self.roof_end_drop;
-        let [cowl, foot] = [self.axles()[0] - self.cowl_setback, self.rear_window_foot()];
-        let roof_start =
-            cowl - (header - self.cowl_height) * self.windscreen_rake.to_radians().tan();
-        let roof_stop =
-            foot + (roof_end - self.deck_height) * self.rear_window_rake.to_radians().tan();
-        let corner = |[bulge, along, across]: [f64; 3]| {
-            between(bulge, 0.0, 0.3) && between(along, 0.02, 0.4) && between(across, 0.02, 0.45)
-        };
-        [
-            (
-                between(self.length, 2.0, 12.0)
-                    && between(self.width, 1.2, 3.0)
-                    && between(self.height, 1.0, 4.0),
-                "length, width and height",
-            ),
-            (
-                self.front_overhang > arch + 0.1
-                    && rear_overhang > arch + 0.05
-                    && self.wheelbase > 2.0 * arch + 0.3,
-                "overhangs, wheelbase and wheel diameter",
-            ),
-            (
-                between(self.track, 0.5, self.width) && between(self.tyre_width, 0.05, 0.5),
-                "track and tyre width",
-            ),
-            (
-                between(self.ground_clearance, 0.05, 0.5 * self.wheel_diameter),
-                "ground clearance and wheel diameter",
-            ),
-            (rising(&self.heights_to_front()), "the heights from nose to roof"),
-            (rising(&self.heights_to_rear()), "the heights from tail to roof"),
-            (
-                between(self.windscreen_rake, 0.0, 80.0)
-                    && between(self.rear_window_rake, 0.0, 80.0),
-                "the rakes",
-            ),
-            (
-                roof_start > roof_stop + 0.1
-                    && between(self.hood_setback, 0.05, 0.5)
-                    && self.nose() - self.hood_setback > cowl + 0.2,
-                "hood, windscreen, roof and rear window",
-            ),
-            (
-                between(self.lip_setback, 0.03, 0.5) && between(self.deck_length, 0.02, 2.0),
-                "lip and deck",
-            ),
-            (
-                [self.belt_front, self.belt_rear]
-                    .iter()
-                    .all(|belt| between(*belt, self.front_bumper_height + 0.1, header - 0.1)),
-                "the heights of the belt",
-            ),
-            (
-                between(self.tumblehome, 0.0, 35.0)
-                    && between(self.shoulder, 0.0, 0.15)
-                    && between(self.front_taper, 0.0, 0.25)
-                    && between(self.rear_taper, 0.0, 0.25),
-                "tumblehome, shoulder and tapers",
-            ),
-            (corner(self.front_corner) && corner(self.rear_corner), "the corners"),
-        ]
-    }
-
-    /// What must rise from the bumper's lower edge over the nose to the roof.
-    fn heights_to_front(&self) -> [f64; 7] {
-        [
-            self.ground_clearance + 0.16,
-            self.nose_height,
-            self.front_bumper_height,
-            self.hood_front_height,
-            self.cowl_height,
-            self.height - self.header_drop,
-            self.height,
-        ]
-    }
-
-    /// The same over the tail.
-    fn heights_to_rear(&self) -> [f64; 7] {
-        [
-            self.ground_clearance + 0.21,
-            self.tail_height,
-            self.rear_bumper_height,
-            self.lip_height,
-            self.deck_height,
-            self.height - self.roof_end_drop,
-            self.height,
-        ]
     }
 
     /// Longitudinal position of the foremost point; the origin is half-way to the rearmost one.
@@ -339,7 +212,12 @@ impl ParametricVehicle {
 
     /// Radius of the wheel arches.
     fn arch_radius(&self) -> f64 {
-        0.5 * self.wheel_diameter + 0.045
+        0.5 * self.wheel_diameter + self.arch_gap
+    }
+
+    /// Whether the deck is an open load bed.
+    fn has_bed(&self) -> bool {
+        self.bed_depth >= 0.1
     }
 
     /// Height of the windows' lower edge.
@@ -354,4 +232,16 @@ impl ParametricVehicle {
     fn rear_window_foot(&self) -> f64 {
         -self.nose() + self.lip_setback + self.deck_length
     }
+}
+
+/// Sides of the box around all faces that are no mirror.
+fn extent_without_mirrors(mesh: &Mesh) -> Option<Extent> {
+    let is_mirror =
+        |part: &PartClass| matches!(part, PartClass::MirrorLeft | PartClass::MirrorRight);
+    let faces = mesh.faces.iter().zip(&mesh.parts).filter(|(_, part)| !is_mirror(part));
+    let mut corners = faces.flat_map(|(face, _)| *face).map(|i| mesh.vertices[i as usize].coords);
+    let first = corners.next()?;
+    let (low, high) = corners.fold((first, first), |(low, high), p| (low.inf(&p), high.sup(&p)));
+    let size = high - low;
+    Some(Extent::new(size.x, size.y, size.z))
 }

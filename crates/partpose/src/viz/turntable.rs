@@ -42,8 +42,8 @@ const VIEWS: [(&str, Option<u8>); 9] = [
     ("rear left", Some(3)),
 ];
 
-const INK: [u8; 3] = [32, 36, 44];
-const FAINT: [u8; 3] = [110, 116, 126];
+pub(super) const INK: [u8; 3] = [32, 36, 44];
+pub(super) const FAINT: [u8; 3] = [110, 116, 126];
 const RULE: [u8; 4] = [208, 211, 217, 255];
 const HEADER: u32 = 44;
 const LEGEND: u32 = 150;
@@ -59,6 +59,8 @@ pub fn turntable(model: &VehicleModel, options: &TurntableOptions) -> RgbImage {
     let [width, height] = options.tile.map(|side| side.clamp(16, 2048));
     let mut canvas =
         Canvas::new([3 * width + LEGEND, 3 * height + HEADER], options.shade.background);
+    // One scale for all views: a vehicle's length must fit the width of a tile.
+    let reach = longest(&model.mesh().vertices);
     for (i, (name, eighth)) in VIEWS.iter().enumerate() {
         let at = [(i as u32 % 3 * width) as i32, (HEADER + i as u32 / 3 * height) as i32];
         let camera_from_vehicle = view(model, *eighth, options.elevation);
@@ -68,7 +70,7 @@ pub fn turntable(model: &VehicleModel, options: &TurntableOptions) -> RgbImage {
             camera_from_vehicle,
             id: 1,
         };
-        let camera = framing(&instance, [width, height]);
+        let camera = framing(&instance, [width, height], reach);
         canvas.paste(&shade(&camera, &[instance], &options.shade), at);
         canvas.text([at[0] + 8, at[1] + 8], name, TextStyle::plain(FAINT));
     }
@@ -79,7 +81,7 @@ pub fn turntable(model: &VehicleModel, options: &TurntableOptions) -> RgbImage {
 }
 
 /// Pose of the vehicle before a camera that looks at the middle of its cuboid.
-fn view(model: &VehicleModel, eighth: Option<u8>, elevation: f64) -> Pose {
+pub(super) fn view(model: &VehicleModel, eighth: Option<u8>, elevation: f64) -> Pose {
     let extent = model.extent();
     let center = Vector3::new(0.0, -0.5 * extent.height, 0.0);
     let rotation = match eighth {
@@ -97,8 +99,8 @@ fn view(model: &VehicleModel, eighth: Option<u8>, elevation: f64) -> Pose {
     Pose::from_parts(Translation3::from(offset), UnitQuaternion::from_rotation_matrix(&rotation))
 }
 
-/// A camera that shows a cube around the model at the same scale from all sides.
-fn framing(instance: &Instance, size: [u32; 2]) -> Camera {
+/// A camera that shows a vehicle so large that `reach` metres fill the width, if its height fits.
+pub(super) fn framing(instance: &Instance, size: [u32; 2], reach: f64) -> Camera {
     let camera = Camera::pinhole(1000.0, [0.0, 0.0], [1, 1]);
     let seen: Vec<Point2> = instance
         .mesh
@@ -108,8 +110,6 @@ fn framing(instance: &Instance, size: [u32; 2]) -> Camera {
         .collect();
     let seen = Rect::around(&seen).unwrap_or(Rect::new(-1.0, -1.0, 1.0, 1.0));
     let [width, height] = size.map(f64::from);
-    // One scale for all views: a vehicle's length must fit the width of a tile.
-    let reach = longest(&instance.mesh.vertices);
     let depth = instance.camera_from_vehicle.translation.z.max(1e-3);
     let length_in_pixels = 1000.0 * reach / depth;
     let scale = FILL * (width / length_in_pixels.max(1e-9)).min(height / seen.height().max(1e-9));
@@ -125,7 +125,7 @@ fn framing(instance: &Instance, size: [u32; 2]) -> Camera {
 }
 
 /// Longest side of the box around points.
-fn longest(points: &[Point3]) -> f64 {
+pub(super) fn longest(points: &[Point3]) -> f64 {
     let around = |axis: usize| {
         let values = points.iter().map(|point| point[axis]);
         let (low, high) = values.fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));

@@ -7,8 +7,10 @@
 use crate::parts::PartClass;
 
 use super::ParametricVehicle;
+use super::curves::{lower_curve, upper_curve};
 use super::half::{Half, Vertex, Zone};
-use super::path::{Edge, Knot, Path, Point};
+use super::path::{Edge, Path, Point};
+use super::stations::stations;
 
 /// Parameters of the upper curve that seams follow.
 pub(super) mod knots {
@@ -38,15 +40,13 @@ const CORNER_STEPS: usize = 4;
 const TOP_SHARES: [f64; 5] = [1.0, 0.9, 0.62, 0.31, 0.0];
 /// Most of a corner's depth that is sloped rather than round.
 const MOST_SLOPE: f64 = 0.35;
-/// Longest distance between rings along either curve, metres.
-const RING_DISTANCE: f64 = 0.1;
 
 /// The left half of the body's surface; all of it is side for now.
 pub(super) fn body(vehicle: &ParametricVehicle) -> Half {
     let (top, bottom) = (upper_curve(vehicle), lower_curve(vehicle));
     let mut half = Half::default();
     let mut zones = Vec::new();
-    let rings = stations(&top, &bottom);
+    let rings = stations(vehicle, &top, &bottom);
     for [t, b] in &rings {
         zones.clear();
         push_ring(vehicle, [&top, &bottom], [*t, *b], &mut half.vertices, &mut zones);
@@ -88,152 +88,34 @@ pub(super) fn half_width(vehicle: &ParametricVehicle, p: Point) -> f64 {
     // Below the widest line the side tucks in, above it leans in a little.
     let below = ((widest - p.h) / (widest - vehicle.ground_clearance)).clamp(0.0, 1.2);
     let above = ((p.h - widest) / (belt - widest)).clamp(0.0, 1.0);
-    let mut width = 0.5 * vehicle.width - taper - 0.07 * below.powi(2) - 0.035 * above.powi(2);
+    let mut width =
+        0.5 * vehicle.width - taper - vehicle.side_tuck * below.powi(2) - 0.035 * above.powi(2);
+    width += flare(vehicle, p);
     let rise = p.h - belt;
     if rise > 0.0 {
         let shoulder = (rise / 0.05).min(1.0);
         width -= vehicle.shoulder * shoulder * shoulder * (3.0 - 2.0 * shoulder);
-        width -= rise * vehicle.tumblehome.to_radians().tan() + 0.12 * rise * rise;
+        width -= rise * vehicle.tumblehome.to_radians().tan() + vehicle.side_curve * rise * rise;
     }
     // However it is shaped, there is something between the sides.
     width.max(0.1)
+}
+
+/// How far the edge of a wheel arch stands out from the side.
+fn flare(vehicle: &ParametricVehicle, p: Point) -> f64 {
+    let [hub, reach] = [0.5 * vehicle.wheel_diameter, vehicle.arch_radius()];
+    let strength = |axle: f64| {
+        let beyond = ((p.z - axle).hypot(p.h - hub) - reach) / (0.45 * reach);
+        let share = (1.0 - beyond.max(0.0)).max(0.0);
+        share * share * (3.0 - 2.0 * share)
+    };
+    vehicle.arch_flare * vehicle.axles().map(strength).into_iter().fold(0.0, f64::max)
 }
 
 /// Where the side ends above: the upper curve lowered by crown and corner.
 pub(super) fn side_top(path: &Path, t: f64) -> Point {
     let edge = path.edge(t);
     edge.below(path.at(t), edge.depth())
-}
-
-/// The upper curve of the side view, from the nose over hood, windscreen, roof and trunk to the tail.
-pub(super) fn upper_curve(v: &ParametricVehicle) -> Path {
-    let nose = v.nose();
-    let cowl = v.axles()[0] - v.cowl_setback;
-    let header_height = v.height - v.header_drop;
-    let header = cowl - (header_height - v.cowl_height) * v.windscreen_rake.to_radians().tan();
-    let foot = v.rear_window_foot();
-    let roof_end_height = v.height - v.roof_end_drop;
-    let roof_end = foot + (roof_end_height - v.deck_height) * v.rear_window_rake.to_radians().tan();
-    let hood_start = nose - v.hood_setback;
-    let hood_middle = hood_start + 0.45 * (cowl - hood_start);
-    let hood_middle_height = v.hood_front_height + 0.62 * (v.cowl_height - v.hood_front_height);
-    let [crown_f, along_f, across_f] = v.front_corner;
-    let [crown_r, along_r, across_r] = v.rear_corner;
-    let front = |inwards| Edge::new(inwards, crown_f, [along_f, across_f]);
-    let rear = |inwards| Edge::new(inwards, crown_r, [along_r, across_r]);
-    // Shallower than the bumper's, so that rings stay in order where the corner runs out along the hood.
-    let hood_edge = Edge::new([-1.0, -0.3], 0.8 * crown_f, [0.75 * along_f, across_f]);
-    let down = [0.0, -1.0];
-    // Without a notch the rear window wraps round the corners like the panel below it.
-    let notch = (v.deck_length / 0.3).min(1.0);
-    let foot_edge =
-        Edge::new([0.2, -1.0], 0.06, [0.06, 0.10]).lerp(&rear([1.0, -0.3]), 1.0 - notch);
-    let roof_end_edge = Edge::new([0.1, -1.0], 0.05, [0.06, 0.10])
-        .lerp(&Edge::new([0.6, -1.0], 0.06, [0.08, 0.13]), 1.0 - notch);
-    let knot = |z, h, round, edge| Knot { at: Point { z, h }, round, edge, arch: None };
-    let mut path = Path(vec![
-        knot(nose, v.nose_height, 0.0, front([-1.0, 0.0])),
-        knot(nose - 0.02, v.front_bumper_height, 0.05, front([-1.0, 0.0])),
-        knot(hood_start, v.hood_front_height, 0.07, hood_edge),
-        knot(hood_middle, hood_middle_height, 0.5, Edge::new(down, 0.05, [0.07, 0.12])),
-        knot(cowl, v.cowl_height, 0.06, Edge::new(down, 0.05, [0.04, 0.07])),
-        knot(header, header_height, 0.22, Edge::new(down, 0.05, [0.06, 0.09])),
-        knot(0.5 * (header + roof_end), v.height, 0.6, Edge::new(down, 0.05, [0.06, 0.11])),
-        knot(roof_end, roof_end_height, 0.2, roof_end_edge),
-        knot(foot, v.deck_height, 0.05, foot_edge),
-        knot(v.lip_setback - nose, v.lip_height, 0.035, rear([1.0, -0.3])),
-        knot(0.025 - nose, v.rear_bumper_height, 0.04, rear([1.0, 0.0])),
-        knot(-nose, v.tail_height, 0.0, rear([1.0, 0.0])),
-    ]);
-    // Rounding lowers the roof; each step at least halves what is missing.
-    for _ in 0..60 {
-        path.0[6].at.h += v.height - path.at(6.0).h;
-    }
-    path
-}
-
-/// The lower curve, from the nose under the bumper, over the wheel arches and along the sills to the tail.
-fn lower_curve(v: &ParametricVehicle) -> Path {
-    let nose = v.nose();
-    let hub = 0.5 * v.wheel_diameter;
-    let low = v.ground_clearance;
-    let [crown_f, along_f, across_f] = v.front_corner;
-    let [crown_r, along_r, across_r] = v.rear_corner;
-    let front = |inwards| Edge::new(inwards, crown_f, [along_f, across_f]);
-    let rear = |inwards| Edge::new(inwards, crown_r, [along_r, across_r]);
-    // Shallower corners below, so that rings do not cross those at the wheel arches.
-    let tucked = |inwards, [crown, along, across]: [f64; 3]| {
-        Edge::new(inwards, 0.8 * crown, [0.8 * along, across])
-    };
-    let sill = Edge::new([0.0, 1.0], 0.0, [0.025, 0.025]);
-    let knot = |z, h, round, edge| Knot { at: Point { z, h }, round, edge, arch: None };
-    let reach = v.arch_radius();
-    let arch = |z: f64| {
-        let start = knot(z + reach, low, 0.0, sill);
-        [Knot { arch: Some(hub + reach - low), ..start }, knot(z - reach, low, 0.0, sill)]
-    };
-    let mut path = vec![
-        knot(nose, v.nose_height, 0.0, front([-1.0, 0.0])),
-        knot(nose - 0.015, v.nose_height - 0.13, 0.05, front([-1.0, 0.0])),
-        knot(nose - 0.11, low + 0.03, 0.08, tucked([-1.0, 0.3], v.front_corner)),
-    ];
-    path.extend(v.axles().into_iter().flat_map(arch));
-    path.push(knot(0.13 - nose, low + 0.08, 0.08, tucked([1.0, 0.3], v.rear_corner)));
-    path.push(knot(0.02 - nose, v.tail_height - 0.13, 0.05, rear([1.0, 0.0])));
-    path.push(knot(-nose, v.tail_height, 0.0, rear([1.0, 0.0])));
-    Path(path)
-}
-
-/// The rings, as parameters of the upper and the lower curve.
-///
-/// Rings are upright between the outer ends of the wheel arches and fan out from there to nose and tail.
-fn stations(top: &Path, bottom: &Path) -> Vec<[f64; 2]> {
-    let (arches_begin, arches_end) = (bottom.at(3.0).z, bottom.at(6.0).z);
-    let upright = |z: f64| [top.parameter_at(z), bottom.parameter_at(z)];
-    let mut anchors = vec![[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]];
-    anchors.extend((3..=6).map(|b| [top.parameter_at(bottom.at(f64::from(b)).z), f64::from(b)]));
-    let lip = top.at(knots::LIP).z;
-    for t in 3..9 {
-        let (t, z) = (f64::from(t), top.at(f64::from(t)).z);
-        if z > arches_begin {
-            let share = (t - 2.0) / (top.parameter_at(arches_begin) - 2.0);
-            anchors.push([t, 2.0 + share]);
-        } else if z > arches_end {
-            anchors.push([t, upright(z)[1]]);
-        } else {
-            anchors.push([t, 6.0 + (arches_end - z) / (arches_end - lip)]);
-        }
-    }
-    anchors.extend([[9.0, 7.0], [10.0, 8.0], [11.0, 9.0]]);
-    anchors.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    // Anchors that nearly coincide would make slivers; those at knots of the upper curve stay.
-    let is_knot = |t: f64| (t - t.round()).abs() < 1e-9;
-    let mut kept: Vec<[f64; 2]> = Vec::new();
-    for anchor in anchors {
-        let near = kept.last().filter(|last| {
-            top.at(last[0]).distance(top.at(anchor[0])) < 0.02 && anchor[0] - last[0] < 0.5
-        });
-        match near.map(|last| is_knot(last[0])) {
-            Some(true) if !is_knot(anchor[0]) => {}
-            Some(false) => *kept.last_mut().expect("it has a last one") = anchor,
-            _ => kept.push(anchor),
-        }
-    }
-    let mut rings = vec![kept[0]];
-    for pair in kept.windows(2) {
-        let [from, to] = [pair[0], pair[1]];
-        let length = |path: &Path, k: usize| {
-            let at = |share: f64| path.at(from[k] + share * (to[k] - from[k]));
-            (0..8).map(|i| at(f64::from(i) / 8.0).distance(at(f64::from(i + 1) / 8.0))).sum::<f64>()
-        };
-        let distance = if from[0] < 2.0 || to[0] > 9.0 { 0.6 } else { 1.0 } * RING_DISTANCE;
-        let steps = (length(top, 0).max(length(bottom, 1)) / distance).ceil().max(1.0);
-        for step in 1..=steps as usize {
-            let share = step as f64 / steps;
-            rings.push([0, 1].map(|k| from[k] + share * (to[k] - from[k])));
-        }
-    }
-    rings
 }
 
 /// Appends the vertices of one half ring and the zones between them (`zones[i]` is before vertex i).
@@ -287,10 +169,46 @@ fn push_ring(
         let (lateral, point) = corner.at(step as f64 / CORNER_STEPS as f64);
         push(lateral, point, Zone::Corner);
     }
+    let bed = Bed::at(v, t, corner.inner);
     for (i, share) in TOP_SHARES.into_iter().enumerate() {
         let zone = [Zone::Corner, Zone::Rim].get(i).copied().unwrap_or(Zone::Top);
-        push(share * corner.inner, upper_edge.below(upper, upper_edge.crown * share * share), zone);
+        let share = bed.as_ref().map_or(share, |bed| bed.shares[i]);
+        let mut point = upper_edge.below(upper, upper_edge.crown * share * share);
+        if let Some(floor) = bed.as_ref().filter(|_| i > 1).and_then(|bed| bed.floor) {
+            point.h = floor;
+        }
+        push(share * corner.inner, point, zone);
     }
+}
+
+/// Where a ring runs over the load bed: rail, inner wall, floor.
+struct Bed {
+    /// In place of [`TOP_SHARES`].
+    shares: [f64; 5],
+    /// Height of the floor; `None` on the walls before and behind it.
+    floor: Option<f64>,
+}
+
+impl Bed {
+    fn at(v: &ParametricVehicle, t: f64, inner: f64) -> Option<Self> {
+        let [start, floor_start, floor_end, end] = bed_rings(v)?;
+        let wall = (1.0 - 0.03 / inner).max(0.5);
+        let low = (wall - 0.012 / inner).max(0.45);
+        let between = |from: f64, to: f64| from - 1e-9 < t && t < to + 1e-9;
+        between(start, end).then_some(Self {
+            shares: [1.0, wall, low, 0.5 * low, 0.0],
+            floor: between(floor_start, floor_end).then_some(v.deck_height - v.bed_depth),
+        })
+    }
+}
+
+/// Parameters of the rings at the walls of the load bed: upper and lower edge in front, the same behind.
+pub(super) fn bed_rings(v: &ParametricVehicle) -> Option<[f64; 4]> {
+    let share = |length: f64| length / v.deck_length;
+    v.has_bed().then(|| {
+        let [from, to] = [knots::DECK, knots::LIP];
+        [from + share(0.09), from + share(0.102), to - share(0.077), to - share(0.065)]
+    })
 }
 
 /// The rounded edge between the side and the top or the floor: a quarter of an ellipse.

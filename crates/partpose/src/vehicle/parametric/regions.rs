@@ -7,9 +7,11 @@
 use crate::parts::PartClass;
 
 use super::ParametricVehicle;
+use super::curves::upper_curve;
 use super::half::{Half, Vertex, Zone};
-use super::loft::{knots, side_top, upper_curve};
+use super::loft::{bed_rings, knots, side_top};
 use super::path::Path;
+use super::relief;
 use super::seams::Painter;
 
 /// Distance of side windows from the body's upper edge, metres.
@@ -21,20 +23,20 @@ const SILL_HEIGHT: f64 = 0.11;
 /// Distance of the rear door from the wheel arch.
 const ARCH_GAP: f64 = 0.06;
 
-/// Angles at which headlamps begin and end, from ahead to the side.
-const FRONT_LAMP: [f64; 2] = [0.38, 1.45];
-/// The same for tail lamps.
-const REAR_LAMP: [f64; 2] = [0.52, 1.72];
-
 /// Gives the faces of the body their parts.
 pub(super) fn paint(v: &ParametricVehicle, half: &mut Half) {
     paint_top(half);
+    if v.has_bed() {
+        paint_bed(v, half);
+    }
     let top = upper_curve(v);
     let mut painter = Painter::new(half);
     painter.fix_seams();
     paint_ends(v, &top, &mut painter);
+    paint_rear_window(v, &top, &mut painter);
     paint_side(v, &top, &mut painter);
     paint_lamps(v, &mut painter);
+    relief::press_grille(v, &mut painter);
 }
 
 /// The parts that end at rings and columns.
@@ -55,6 +57,36 @@ fn paint_top(half: &mut Half) {
     }
 }
 
+/// The load bed: floor and tailgate count as trunk, rails and inner walls as side.
+fn paint_bed(v: &ParametricVehicle, half: &mut Half) {
+    let Some([start, _, floor_end, _]) = bed_rings(v) else { return };
+    let floor = v.deck_height - v.bed_depth;
+    for (i, face) in half.faces.iter().enumerate() {
+        let corners = face.map(|index| half.vertices[index as usize]);
+        let t = corners.iter().map(|corner| corner.t).sum::<f64>() / 3.0;
+        let is_inner = matches!(half.zones[i], Zone::Rim | Zone::Top);
+        if !is_inner || !(knots::DECK < t && t < knots::LIP) {
+            continue;
+        }
+        let is_floor = corners.iter().all(|corner| corner.h < floor + 1e-6);
+        let is_gate = t > floor_end && half.zones[i] == Zone::Top;
+        let is_ledge = t < start;
+        half.parts[i] =
+            if (is_floor || is_gate) && !is_ledge { PartClass::Trunk } else { PartClass::SideLeft };
+    }
+}
+
+/// The strip between the end of the roof and the glass belongs to the tailgate.
+fn paint_rear_window(v: &ParametricVehicle, top: &Path, painter: &mut Painter) {
+    let [from, to] = [top.at(knots::ROOF_END), top.at(knots::DECK)];
+    let share = v.rear_window_gap / from.distance(to).max(1e-6);
+    let glass = |_: Zone, part: PartClass| part == PartClass::WindshieldRear;
+    if share > 1e-6 {
+        let end = knots::ROOF_END + share.min(0.9);
+        painter.paint(PartClass::Trunk, glass, &[&|p| p.t - end]);
+    }
+}
+
 /// Aprons: the bumpers' skirts and, in front, what lies between the lamps.
 fn paint_ends(v: &ParametricVehicle, top: &Path, painter: &mut Painter) {
     let [front, rear] = v.axles();
@@ -62,7 +94,7 @@ fn paint_ends(v: &ParametricVehicle, top: &Path, painter: &mut Painter) {
     let [front_edge, rear_edge] = [knots::BUMPER_FRONT, knots::BUMPER_REAR].map(|t| top.at(t).h);
     let body = |zone: Zone, part: PartClass| zone != Zone::Fitting && part == PartClass::SideLeft;
     painter.paint(PartClass::ApronFront, body, &[&|p| front + 0.1 - p.z, &|p| p.h - front_edge]);
-    let between_lamps = FRONT_LAMP[0] + 0.1;
+    let between_lamps = v.headlamp_inner.to_radians() + 0.1;
     let face = move |zone: Zone, part: PartClass| body(zone, part) && zone != Zone::Side;
     painter.paint(
         PartClass::ApronFront,
@@ -73,11 +105,8 @@ fn paint_ends(v: &ParametricVehicle, top: &Path, painter: &mut Painter) {
 }
 
 fn paint_side(v: &ParametricVehicle, top: &Path, painter: &mut Painter) {
-    let [front, rear] = v.axles();
-    let hub = 0.5 * v.wheel_diameter;
+    let front = v.axles()[0];
     let [start, pillar] = [front - v.door_start, front - v.b_pillar];
-    let end = rear + v.rear_door_end;
-    let quarter_end = rear + v.quarter_glass_end;
     let sill = v.ground_clearance + SILL_HEIGHT;
     let side = |zone: Zone, _: PartClass| zone == Zone::Side;
     let rise = |p: &Vertex| p.h - v.belt(p.z);
@@ -86,45 +115,80 @@ fn paint_side(v: &ParametricVehicle, top: &Path, painter: &mut Painter) {
         side,
         &[&rise, &|p| sill - p.h, &|p| p.z - start, &|p| pillar - p.z],
     );
+    if v.rear_doors {
+        paint_rear_door(v, painter);
+    }
+    paint_side_windows(v, top, painter);
+}
+
+fn paint_rear_door(v: &ParametricVehicle, painter: &mut Painter) {
+    let [front, rear] = v.axles();
+    let [pillar, end] = [front - v.b_pillar, rear + v.rear_door_end];
+    let [hub, sill] = [0.5 * v.wheel_diameter, v.ground_clearance + SILL_HEIGHT];
     let near_arch = |p: &Vertex| v.arch_radius() + ARCH_GAP - (p.z - rear).hypot(p.h - hub);
     painter.paint(
         PartClass::DoorRearLeft,
-        side,
-        &[&rise, &|p| sill - p.h, &|p| p.z - pillar, &|p| end - p.z, &near_arch],
+        |zone, _| zone == Zone::Side,
+        &[&|p| p.h - v.belt(p.z), &|p| sill - p.h, &|p| p.z - pillar, &|p| end - p.z, &near_arch],
     );
+}
+
+/// The side windows, from the windscreen's pillar to the last.
+fn paint_side_windows(v: &ParametricVehicle, top: &Path, painter: &mut Painter) {
+    let [front, rear] = v.axles();
+    let pillar = front - v.b_pillar;
+    let door_end = rear + v.rear_door_end;
+    let quarter_end = rear + v.quarter_glass_end;
+    let rise = |p: &Vertex| p.h - v.belt(p.z);
+    let side = |zone: Zone, _: PartClass| zone == Zone::Side;
     let outline = Outline::new(top);
     let above_belt = |p: &Vertex| -rise(p);
     let below_roof = |p: &Vertex| outline.above(p.z, p.h) + GLASS_GAP;
     // Pillars lean with the windows: this much forward going down, per metre.
     let upright = |p: &Vertex| p.z + 0.12 * rise(p);
-    let rear_pillar = |p: &Vertex| end + 0.25 * rise(p);
+    let rear_pillar = |p: &Vertex| door_end + 0.25 * rise(p);
+    let slope = v.quarter_glass_rake.to_radians().tan();
+    let last_pillar = |p: &Vertex| quarter_end + slope * rise(p) - p.z;
     painter.paint(
         PartClass::GlassFrontLeft,
         side,
         &[&above_belt, &below_roof, &|p| pillar + HALF_PILLAR - upright(p)],
     );
+    if !v.rear_side_windows {
+        return;
+    }
+    let behind_door = |p: &Vertex| upright(p) - (pillar - HALF_PILLAR);
+    // Without rear doors there is one window behind the front doors'.
+    if !v.rear_doors {
+        let bounds: [&dyn Fn(&Vertex) -> f64; 4] =
+            [&above_belt, &below_roof, &behind_door, &last_pillar];
+        painter.paint(PartClass::GlassRearLeft, side, &bounds);
+        return;
+    }
     painter.paint(
         PartClass::GlassRearLeft,
         side,
-        &[&above_belt, &below_roof, &|p| upright(p) - (pillar - HALF_PILLAR), &|p| {
-            rear_pillar(p) + 0.02 - p.z
-        }],
+        &[&above_belt, &below_roof, &behind_door, &|p| rear_pillar(p) + 0.02 - p.z],
     );
-    painter.paint(
-        PartClass::GlassCornerLeft,
-        side,
-        &[&above_belt, &below_roof, &|p| p.z - (rear_pillar(p) - 0.025), &|p| {
-            quarter_end + 0.9 * rise(p) - p.z
-        }],
-    );
+    if v.rear_door_end - v.c_pillar - v.quarter_glass_end > 0.03 {
+        let behind_pillar = |p: &Vertex| p.z - (rear_pillar(p) + 0.02 - v.c_pillar);
+        painter.paint(
+            PartClass::GlassCornerLeft,
+            side,
+            &[&above_belt, &below_roof, &behind_pillar, &last_pillar],
+        );
+    }
 }
 
 fn paint_lamps(v: &ParametricVehicle, painter: &mut Painter) {
-    let body = |zone: Zone, _: PartClass| !matches!(zone, Zone::Bottom | Zone::Fitting);
+    let body = |zone: Zone, part: PartClass| {
+        !matches!(zone, Zone::Bottom | Zone::Fitting)
+            && !matches!(part, PartClass::WindshieldRear | PartClass::Roof)
+    };
     // Narrow beside the grille, rising towards the side.
-    let [inner, outer] = FRONT_LAMP;
+    let [inner, outer] = [v.headlamp_inner, v.headlamp_outer].map(f64::to_radians);
     let share = |p: &Vertex| ((angle_front(v, p) - inner) / (outer - inner)).clamp(0.0, 1.0);
-    let bottom = |p: &Vertex| v.front_bumper_height + 0.005 + 0.10 * share(p).powi(2);
+    let bottom = |p: &Vertex| v.front_bumper_height + 0.005 + v.headlamp_sweep * share(p).powi(2);
     let top = |p: &Vertex| v.hood_front_height - 0.035 + 0.07 * share(p);
     painter.paint(
         PartClass::LightFrontLeft,
@@ -137,7 +201,7 @@ fn paint_lamps(v: &ParametricVehicle, painter: &mut Painter) {
             &|p| 0.5 * (angle_front(v, p) - outer),
         ],
     );
-    let [inner, outer] = REAR_LAMP;
+    let [inner, outer] = [v.tail_lamp_inner, v.tail_lamp_outer].map(f64::to_radians);
     let share = |p: &Vertex| ((angle_rear(v, p) - inner) / (outer - inner)).clamp(0.0, 1.0);
     let bottom = |p: &Vertex| v.tail_lamp_bottom + 0.05 * share(p);
     let top = |p: &Vertex| v.tail_lamp_top - 0.03 * (1.0 - share(p));
@@ -155,7 +219,7 @@ fn paint_lamps(v: &ParametricVehicle, painter: &mut Painter) {
 }
 
 /// Angle round an upright axis inside the front corner: 0 ahead, a right angle to the side.
-fn angle_front(v: &ParametricVehicle, p: &Vertex) -> f64 {
+pub(super) fn angle_front(v: &ParametricVehicle, p: &Vertex) -> f64 {
     let axis = [0.5 * v.width - 0.62, v.nose() - 0.55];
     (p.lateral - axis[0]).atan2(p.z - axis[1])
 }

@@ -51,7 +51,22 @@ impl<'a> Painter<'a> {
         concerns: impl Fn(Zone, PartClass) -> bool,
         bounds: &[&dyn Fn(&Vertex) -> f64],
     ) {
-        // Values of the bounds at every vertex; exactly zero on the seam.
+        let values = self.cut(&concerns, bounds);
+        let inside = self.inside(&concerns, bounds, &values);
+        for (of, inside) in self.half.parts.iter_mut().zip(inside) {
+            if inside {
+                *of = part;
+            }
+        }
+    }
+
+    /// Cuts along the bounds of a region without painting it; gives their values at every vertex.
+    pub(super) fn cut(
+        &mut self,
+        concerns: impl Fn(Zone, PartClass) -> bool,
+        bounds: &[&dyn Fn(&Vertex) -> f64],
+    ) -> Vec<Vec<f64>> {
+        // Exactly zero on the seam.
         let mut values: Vec<Vec<f64>> = Vec::new();
         for bound in bounds {
             let value = |vertex: &Vertex| {
@@ -71,10 +86,32 @@ impl<'a> Painter<'a> {
                 }
             }
         }
-        let inside = self.inside(&concerns, bounds, &values);
-        for (of, inside) in self.half.parts.iter_mut().zip(inside) {
-            if inside {
-                *of = part;
+        values
+    }
+
+    /// Moves the faces of a region that was cut along `bounds`, with their borders, towards the rear.
+    pub(super) fn move_back(
+        &mut self,
+        concerns: impl Fn(Zone, PartClass) -> bool,
+        bounds: &[&dyn Fn(&Vertex) -> f64],
+        distance: f64,
+    ) {
+        let value = |bound: &&dyn Fn(&Vertex) -> f64| {
+            let at = |vertex: &Vertex| {
+                Some(bound(vertex)).filter(|value| value.abs() > ON_SEAM).unwrap_or(0.0)
+            };
+            self.half.vertices.iter().map(at).collect()
+        };
+        let values: Vec<Vec<f64>> = bounds.iter().map(value).collect();
+        let mut moved = vec![false; self.half.vertices.len()];
+        for (face, inside) in self.half.faces.iter().zip(self.inside(&concerns, bounds, &values)) {
+            for index in face.iter().filter(|_| inside) {
+                moved[*index as usize] = true;
+            }
+        }
+        for (vertex, moved) in self.half.vertices.iter_mut().zip(moved) {
+            if moved {
+                vertex.z -= distance;
             }
         }
     }
