@@ -13,7 +13,6 @@ mod shape;
 mod smooth;
 mod surface;
 mod tree;
-mod tune;
 mod vote;
 
 pub use evaluate::{Agreement, agreement, leave_style_out};
@@ -30,9 +29,11 @@ use vote::Voter;
 /// How labels are transferred.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnnotateOptions {
-    /// Body style of the sources; if none is given, the most similar models are taken.
+    /// Body style that the sources must have; if none is given, the most similar models are taken, those of the mesh's
+    /// own style first.
     pub style: Option<String>,
-    /// Parts that the vehicle lacks, such as the rear doors of a coupe.
+    /// Parts that the vehicle lacks, such as the rear doors of a coupe. Those that all labelled models of its body
+    /// style lack are added.
     pub without: Vec<PartClass>,
     /// How many of the sources vote.
     pub sources: usize,
@@ -180,7 +181,10 @@ pub fn annotate(
     let surface = &transfer.surface;
     let mut mesh = Mesh { vertices: surface.vertices.clone(), ..Mesh::default() };
     let (mut transferred, mut confidence, mut hidden_area) = (Vec::new(), Vec::new(), 0.0);
-    for i in 0..surface.faces.len() {
+    // Part by part, as files hold them: what is told of each face then fits the file too.
+    let mut order: Vec<usize> = (0..surface.faces.len()).collect();
+    order.sort_by_key(|i| transfer.parts[*i].id());
+    for i in order {
         let is_given = surface.parts[i].is_some();
         if !is_given && !options.keep_hidden && transfer.seen[i] == Seen::Hidden {
             hidden_area += surface.area(i);
@@ -207,11 +211,10 @@ fn transfer(
     sources: &Sources,
     options: &AnnotateOptions,
 ) -> Result<Transfer, AnnotateError> {
-    let surface =
-        Surface::welded(&partial.vertices, &partial.faces, &partial.parts).refined(GRAIN);
+    let surface = Surface::welded(&partial.vertices, &partial.faces, &partial.parts).refined(GRAIN);
     let facets = shape::facets(&surface, &partial.vertices, &partial.faces);
     let target = Shape::of(&facets).ok_or(AnnotateError::NoSurface)?;
-    let chosen = choose(&target, sources, options)?;
+    let chosen = choose(&target, partial, sources, options)?;
     let mut warnings = warnings(&target, &chosen);
     if !target.frame.has_axles {
         warnings.push(AnnotateWarning::NoWheels);
@@ -224,6 +227,11 @@ fn transfer(
     let best = voters.iter().map(|v| v.alignment.residual).fold(f64::INFINITY, f64::min);
     for voter in &mut voters {
         voter.weight = (best / voter.alignment.residual.max(1e-9)).powi(2);
+    }
+    for (voter, (source, _)) in voters.iter_mut().zip(&chosen) {
+        if source.model.body_style() == partial.body_style {
+            voter.weight *= OWN_STYLE;
+        }
     }
     let total: f64 = voters.iter().map(|voter| voter.weight).sum();
     let mut uses: Vec<SourceUse> = chosen
@@ -238,7 +246,8 @@ fn transfer(
         })
         .collect();
     uses.sort_by(|a, b| b.weight.total_cmp(&a.weight));
-    let votes = vote::votes(&facets.spots, &voters, &options.without);
+    let without = lacking(partial, sources, options);
+    let votes = vote::votes(&facets.spots, &voters, &without);
     let ballots: Vec<_> = votes.iter().map(|votes| votes.ballot).collect();
     let smoothed = smooth::smoothed(&surface, &facets.spots, &ballots);
     let (mut parts, mut confidence) = (Vec::new(), Vec::new());
@@ -259,9 +268,29 @@ fn transfer(
     Ok(Transfer { surface, seen, parts, confidence, sources: uses, warnings })
 }
 
+/// How much more a source of the mesh's own body style counts: its seams are where no shape tells them.
+const OWN_STYLE: f64 = 3.0;
+
+/// The parts that a vehicle is not given: those it is said to lack, and those that its body style lacks.
+fn lacking(partial: &PartialModel, sources: &Sources, options: &AnnotateOptions) -> Vec<PartClass> {
+    let mut lacking = options.without.clone();
+    let style = options.style.as_deref().unwrap_or(&partial.body_style);
+    let alike: Vec<Vec<PartClass>> = sources
+        .items
+        .iter()
+        .filter(|source| source.model.body_style() == style)
+        .map(|source| source.model.missing_parts())
+        .collect();
+    if let Some((first, rest)) = alike.split_first() {
+        lacking.extend(first.iter().filter(|part| rest.iter().all(|other| other.contains(part))));
+    }
+    lacking
+}
+
 /// The sources that are nearest, or those of the style, with their distances.
 fn choose<'a>(
     target: &Shape,
+    partial: &PartialModel,
     sources: &'a Sources,
     options: &AnnotateOptions,
 ) -> Result<Vec<(&'a Source, f64)>, AnnotateError> {
@@ -282,7 +311,8 @@ fn choose<'a>(
         let style = options.style.clone().unwrap_or_default();
         return Err(AnnotateError::Style { style, known });
     }
-    chosen.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let is_other = |source: &Source| source.model.body_style() != partial.body_style;
+    chosen.sort_by(|a, b| is_other(a.0).cmp(&is_other(b.0)).then(a.1.total_cmp(&b.1)));
     chosen.truncate(options.sources.max(1));
     Ok(chosen)
 }
@@ -292,7 +322,7 @@ const UNLIKE: f64 = 0.2;
 
 fn warnings(target: &Shape, chosen: &[(&Source, f64)]) -> Vec<AnnotateWarning> {
     let mut warnings = Vec::new();
-    let Some((_, distance)) = chosen.first().copied() else { return warnings };
+    let distance = chosen.iter().map(|(_, distance)| *distance).fold(f64::INFINITY, f64::min);
     let back = align::turned(target);
     let turned = chosen.iter().map(|(source, _)| align::distance(&back, &source.shape));
     let turned = turned.fold(f64::INFINITY, f64::min);

@@ -15,7 +15,7 @@ use crate::parts::{PartClass, PartMap};
 use super::lattice::{Lattice, Pull};
 use super::profile;
 use super::shape::{Frame, Shape, Spot};
-use super::tree::{Key, Tree, key};use super::tune::tune;
+use super::tree::{Key, Tree, key};
 
 /// Points of the source and the target that the displacement is found from.
 const POINTS: usize = 2500;
@@ -26,11 +26,11 @@ const ROUNDS: usize = 24;
 /// Metres that a unit of difference between normals counts, first and last.
 const REACH: [f64; 2] = [0.7, 0.25];
 /// Stiffness of the field against a weight of 1 a pull, first and last.
-const STIFFNESS: [f64; 2] = [300.0, 3.0];
+const STIFFNESS: [f64; 2] = [300.0, 2.0];
 /// Distance at which a pull loses half its weight, metres, first and last.
 const SCALE: [f64; 2] = [0.6, 0.06];
 /// Weight of the matched outlines against that of a point, first and last.
-const OUTLINE: [f64; 2] = [2.0, 0.2];
+const OUTLINE: [f64; 2] = [5.0, 2.0];
 /// Share of a pull that acts along the surface.
 const ACROSS: f64 = 0.1;
 
@@ -52,7 +52,7 @@ impl Alignment {
         let placed: Vec<Point3> =
             moving.iter().map(|spot| scaled(&target.frame, &source.frame, &spot.point)).collect();
         let (low, high) = bounds(&placed);
-        let lattice = Lattice::new(low, high, tune("SPACING",SPACING));
+        let lattice = Lattice::new(low, high, SPACING);
         let outline = profile::pulls(
             &placed_spots(target, &target.frame, &source.frame),
             &source.spots,
@@ -61,10 +61,10 @@ impl Alignment {
         let mut alignment =
             Self { target: target.frame, source: source.frame, lattice, residual: f64::INFINITY };
         alignment.lattice.solve(&outline, STIFFNESS[1]);
-        let rounds=tune("ROUNDS",24.0) as usize; for round in 0..rounds {
-            let share = round as f64 / (24 - 1) as f64;
+        for round in 0..ROUNDS {
+            let share = round as f64 / (ROUNDS - 1) as f64;
             let between = |[from, to]: [f64; 2]| from * (to / from).powf(share);
-            let (reach, scale) = (between([tune("REACH0",REACH[0]),tune("REACH1",REACH[1])]), between([tune("SCALE0",SCALE[0]),tune("SCALE1",SCALE[1])]));
+            let (reach, scale) = (between(REACH), between(SCALE));
             let trees = matcher.trees(reach);
             let mut pulls = Vec::with_capacity(moving.len() + outline.len());
             let mut sum = 0.0;
@@ -80,14 +80,14 @@ impl Alignment {
                     point: *start,
                     wanted,
                     normal: other.normal,
-                    across: tune("ACROSS",ACROSS),
+                    across: ACROSS,
                     weight: weight * weight,
                 });
             }
             alignment.residual = sum / pulls.len().max(1) as f64;
-            let weight = between([tune("OUT0",OUTLINE[0]),tune("OUT1",OUTLINE[1])]);
+            let weight = between(OUTLINE);
             pulls.extend(outline.iter().map(|pull| Pull { weight, ..*pull }));
-            alignment.lattice.solve(&pulls, between([tune("STIFF0",STIFFNESS[0]),tune("STIFF1",STIFFNESS[1])]));
+            alignment.lattice.solve(&pulls, between(STIFFNESS));
         }
         alignment
     }

@@ -2,8 +2,8 @@
 
 use crate::vehicle::{Mesh, PartialModel, VehicleModel};
 
-use super::{AnnotateError, AnnotateOptions, Sources, Transfer, transfer};
 use super::outside::Seen;
+use super::{AnnotateError, AnnotateOptions, Sources, Transfer, transfer};
 
 /// Agreement of transferred labels with the true ones, as shares of area.
 #[derive(Clone, Debug, PartialEq)]

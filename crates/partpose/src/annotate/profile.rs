@@ -9,7 +9,7 @@
 use crate::geometry::{Point3, Vector3};
 
 use super::lattice::Pull;
-use super::shape::Spot;use super::tune::tune;
+use super::shape::Spot;
 
 /// Width of the bins in which the highest point is taken, metres.
 const BIN: f64 = 0.05;
@@ -108,10 +108,10 @@ fn resampled(corners: &[[f64; 2]]) -> Vec<[f64; 2]> {
 
 /// The steps of `a` with the places on `b` that they correspond to; some of both may be left over.
 fn matches(a: &[Step], b: &[Step]) -> Vec<(Step, [f64; 2])> {
-    let skip=tune("SKIP",SKIP); let (place_, angle_) = (tune("PLACE",PLACE),tune("ANGLE",ANGLE));     let cost = |i: usize, j: usize| {
+    let cost = |i: usize, j: usize| {
         let (p, q) = (&a[i], &b[j]);
-        let place = ((p.z - q.z).powi(2) + (p.y - q.y).powi(2)) / (place_ * place_);
-        place + ((p.angle - q.angle) / angle_).powi(2)
+        let place = ((p.z - q.z).powi(2) + (p.y - q.y).powi(2)) / (PLACE * PLACE);
+        place + ((p.angle - q.angle) / ANGLE).powi(2)
     };
     let (n, m) = (a.len(), b.len());
     let mut total = vec![f64::INFINITY; (n + 1) * (m + 1)];
@@ -124,7 +124,7 @@ fn matches(a: &[Step], b: &[Step]) -> Vec<(Step, [f64; 2])> {
             }
             for before in [(i > 0).then(|| at(i - 1, j)), (j > 0).then(|| at(i, j - 1))] {
                 if let Some(before) = before {
-                    total[at(i, j)] = total[at(i, j)].min(total[before] + skip);
+                    total[at(i, j)] = total[at(i, j)].min(total[before] + SKIP);
                 }
             }
         }
@@ -136,7 +136,7 @@ fn matches(a: &[Step], b: &[Step]) -> Vec<(Step, [f64; 2])> {
         if total[at(i, j)] == total[at(i - 1, j - 1)] + cost(i - 1, j - 1) {
             (i, j) = (i - 1, j - 1);
             found.push((a[i], [b[j].z, b[j].y]));
-        } else if total[at(i, j)] == total[at(i - 1, j)] + skip {
+        } else if total[at(i, j)] == total[at(i - 1, j)] + SKIP {
             i -= 1;
         } else {
             j -= 1;
@@ -158,7 +158,9 @@ mod tests {
             let [a, b] = [points[i.max(1) - 1], points[i.max(1)]];
             (b[1] - a[1]).atan2(a[0] - b[0])
         };
-        (0..points.len()).map(|i| Step { z: points[i][0], y: points[i][1], angle: angle(i) }).collect()
+        (0..points.len())
+            .map(|i| Step { z: points[i][0], y: points[i][1], angle: angle(i) })
+            .collect()
     }
 
     #[test]

@@ -169,9 +169,8 @@ fn frame(spots: &[Spot]) -> Option<Frame> {
 /// Where the rear and the front half touch the ground: the middles of the longest runs of the lower outline.
 fn touching(spots: &[Spot], ground: f64, middle: f64) -> [Option<f64>; 2] {
     [false, true].map(|is_front| {
-        let here = |spot: &&Spot| {
-            (spot.point.z > middle) == is_front && ground - spot.point.y < CONTACT
-        };
+        let here =
+            |spot: &&Spot| (spot.point.z > middle) == is_front && ground - spot.point.y < CONTACT;
         let mut bins: Vec<i64> =
             spots.iter().filter(here).map(|spot| (spot.point.z / BIN).floor() as i64).collect();
         bins.sort_unstable();

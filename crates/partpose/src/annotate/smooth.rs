@@ -5,7 +5,7 @@
 //! Graphical Models*, 2009, § 11.5). Given parts stay as they are and count as neighbours.
 
 use super::shape::Spot;
-use super::surface::Surface;use super::tune::tune;
+use super::surface::Surface;
 use super::vote::{Ballot, normalize};
 
 /// How much a neighbour across a flat edge as long as a usual triangle's counts, as a logarithm of odds.
@@ -70,8 +70,8 @@ fn links(surface: &Surface, spots: &[Spot]) -> Links {
         let [p, q] = [&spots[a as usize], &spots[b as usize]];
         let angle = p.normal.dot(&q.normal).clamp(-1.0, 1.0).acos();
         let usual = (p.area.max(q.area)).sqrt().max(1e-9);
-        let strength = (length / usual).min(2.0) * (-(angle / tune("CREASE",CREASE)).powi(2)).exp();
-        let weight = (tune("COUP",COUPLING) * strength) as f32;
+        let strength = (length / usual).min(2.0) * (-(angle / CREASE).powi(2)).exp();
+        let weight = (COUPLING * strength) as f32;
         both.push((a, b, weight));
         both.push((b, a, weight));
     }

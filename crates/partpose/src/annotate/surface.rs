@@ -179,7 +179,8 @@ mod tests {
         let mesh = mesh.mesh();
         let parts: Vec<_> = mesh.parts.iter().copied().map(Some).collect();
         let surface = Surface::welded(&mesh.vertices, &mesh.faces, &parts);
-        let area = |surface: &Surface| (0..surface.faces.len()).map(|i| surface.area(i)).sum::<f64>();
+        let area =
+            |surface: &Surface| (0..surface.faces.len()).map(|i| surface.area(i)).sum::<f64>();
         let before = area(&surface);
         let fine = surface.refined(0.05);
         assert!((area(&fine) - before).abs() < 1e-9 * before);

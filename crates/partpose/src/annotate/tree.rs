@@ -117,7 +117,8 @@ mod tests {
         for _ in 0..50 {
             let query = random();
             tree.nearest(&query, 5, &mut found);
-            let square = |key: &Key| key.iter().zip(&query).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+            let square =
+                |key: &Key| key.iter().zip(&query).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
             let mut all: Vec<f64> = keys.iter().map(square).collect();
             all.sort_by(f64::total_cmp);
             let squares: Vec<f64> = found.iter().map(|(square, _)| *square).collect();

@@ -8,7 +8,7 @@ use crate::parts::{PartClass, PartMap};
 
 use super::align::Alignment;
 use super::shape::{Shape, Spot, left_name};
-use super::tune::tune;use super::tree::{Key, Tree, key};
+use super::tree::{Key, Tree, key};
 
 /// Metres that a unit of difference between normals counts.
 const REACH: f64 = 0.25;
@@ -46,11 +46,11 @@ pub(super) struct Voter<'a> {
 ///
 /// `without` names parts that the target lacks: their votes go to what stands in their place.
 pub(super) fn votes(spots: &[Spot], voters: &[Voter], without: &[PartClass]) -> Vec<Votes> {
-    let (reach_v,near_v,far_v)=(tune("VREACH",REACH),tune("VNEAR",NEAR),tune("VFAR",FAR));let mut votes = vec![Votes { ballot: [0.0; PartClass::COUNT], fit: 0.0 }; spots.len()];
+    let mut votes = vec![Votes { ballot: [0.0; PartClass::COUNT], fit: 0.0 }; spots.len()];
     let total: f64 = voters.iter().map(|voter| voter.weight).sum();
     for voter in voters {
         let keys: Vec<Key> =
-            voter.shape.spots.iter().map(|s| key(&s.point, &s.normal, reach_v)).collect();
+            voter.shape.spots.iter().map(|s| key(&s.point, &s.normal, REACH)).collect();
         let tree = Tree::new(&keys);
         let mut found = Vec::new();
         for (spot, votes) in spots.iter().zip(&mut votes) {
@@ -58,11 +58,11 @@ pub(super) fn votes(spots: &[Spot], voters: &[Voter], without: &[PartClass]) -> 
                 continue;
             }
             let place = voter.alignment.source_from_target(&spot.point);
-            tree.nearest(&key(&place, &spot.normal, reach_v), VOTERS, &mut found);
+            tree.nearest(&key(&place, &spot.normal, REACH), VOTERS, &mut found);
             let Some((nearest, _)) = found.first().copied() else { continue };
-            let fit = (-0.5 * nearest / (far_v * far_v)).exp();
+            let fit = (-0.5 * nearest / (FAR * FAR)).exp();
             let weight = voter.weight / total.max(1e-300) * fit.max(1e-6);
-            let count = |square: f64| (-0.5 * (square - nearest) / (near_v * near_v)).exp();
+            let count = |square: f64| (-0.5 * (square - nearest) / (NEAR * NEAR)).exp();
             let sum: f64 = found.iter().map(|(square, _)| count(*square)).sum();
             for (square, index) in &found {
                 let Some(part) = voter.shape.spots[*index as usize].part else { continue };
@@ -89,8 +89,13 @@ fn stand_in(part: PartClass, without: &[PartClass]) -> PartClass {
             break;
         }
         part = match part {
-            P::DoorRearLeft | P::GlassCornerLeft | P::MirrorLeft | P::WheelFrontLeft
-            | P::WheelRearLeft | P::GlassFrontLeft | P::DoorFrontLeft => P::SideLeft,
+            P::DoorRearLeft
+            | P::GlassCornerLeft
+            | P::MirrorLeft
+            | P::WheelFrontLeft
+            | P::WheelRearLeft
+            | P::GlassFrontLeft
+            | P::DoorFrontLeft => P::SideLeft,
             P::GlassRearLeft => P::GlassCornerLeft,
             P::LightFrontLeft | P::Hood => P::ApronFront,
             P::LightRearLeft | P::Trunk => P::ApronRear,

@@ -45,7 +45,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         report::data(&table_of(&vehicles))?;
         return Ok(Outcome::Done);
     }
-    let wanted = [&arguments.out, &arguments.report, &arguments.parameters, &arguments.contact_sheet];
+    let wanted =
+        [&arguments.out, &arguments.report, &arguments.parameters, &arguments.contact_sheet];
     if wanted.iter().all(|path| path.is_none()) {
         let error = anyhow::anyhow!("nothing to write");
         return Err(hint(error, "give `--out ZOO`, or `--list` to see what there is"));
@@ -90,10 +91,7 @@ fn chosen(names: Option<&[String]>) -> anyhow::Result<Vec<ParametricVehicle>> {
     Ok(vehicles)
 }
 
-fn build(
-    vehicles: &[ParametricVehicle],
-    file: Option<&Path>,
-) -> anyhow::Result<Vec<VehicleModel>> {
+fn build(vehicles: &[ParametricVehicle], file: Option<&Path>) -> anyhow::Result<Vec<VehicleModel>> {
     let one = |vehicle: &ParametricVehicle| {
         vehicle.build().map_err(|error| match file {
             None => error.into(),

@@ -54,7 +54,10 @@ pub(crate) fn read(path: &Path) -> anyhow::Result<ParametricVehicle> {
     }
     if let Some(missing) = template.keys().find(|key| !table.contains_key(*key)) {
         let error = anyhow::anyhow!("`{shown}` has no `{missing}`");
-        return Err(hint(error, "add it, or `base = \"sedan\"` to take what is missing from there"));
+        return Err(hint(
+            error,
+            "add it, or `base = \"sedan\"` to take what is missing from there",
+        ));
     }
     let vehicle: ParametricVehicle = table.try_into()?;
     let fits = |c: char| c.is_ascii_alphanumeric() || "_-. ".contains(c);
