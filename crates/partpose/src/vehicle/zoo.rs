@@ -109,10 +109,7 @@ impl ModelZoo {
     /// A zoo that holds no model is an error: nothing can be fitted with it. `NAME.partial.glb`, of which some faces
     /// have no part yet, is an error too, unless `NAME.glb`, which was made of it, lies beside it.
     pub fn load(path: &Path) -> Result<Self, ZooError> {
-        let files = if path.is_dir() { glb_files(path)? } else { vec![path.to_owned()] };
-        if files.is_empty() {
-            return Err(ZooError::Empty { path: path.to_owned() });
-        }
+        let files = Self::files(path)?;
         let mut models: Vec<VehicleModel> = Vec::new();
         for file in &files {
             let model = from_glb(&files::read(file)?)
@@ -124,6 +121,15 @@ impl ModelZoo {
             models.push(model);
         }
         Ok(Self { models })
+    }
+
+    /// The `.glb` files that a folder holds models in, in the order of their names, or the single file itself.
+    pub fn files(path: &Path) -> Result<Vec<PathBuf>, ZooError> {
+        let files = if path.is_dir() { glb_files(path)? } else { vec![path.to_owned()] };
+        if files.is_empty() {
+            return Err(ZooError::Empty { path: path.to_owned() });
+        }
+        Ok(files)
     }
 
     /// Writes a folder of one `NAME.glb` a model, which is made if need be; read back, models are in order of names.
@@ -187,7 +193,7 @@ impl ModelZoo {
 /// The `.glb` files of a folder, sorted by name.
 ///
 /// Hidden ones are left out, and `NAME.partial.glb` where the finished `NAME.glb` is there.
-pub(super) fn glb_files(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
+fn glb_files(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
     let failed = |source| FileError::read(folder, source);
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(failed)? {

@@ -49,18 +49,20 @@ pub(super) fn split(
             (*low, *high) = (low.min(p.x), high.max(p.x));
         }
     }
+    // What all parts have in common tells nothing: both rear wheels lie at the rear.
+    let differ =
+        |place: fn(PartClass) -> i8| parts.iter().any(|part| place(*part) != place(parts[0]));
+    let (by_side, by_end) = (differ(side_of), differ(end_of));
     let part_at = |center: &Vector3| {
         let fits = |part: &&PartClass| {
-            let side = f64::from(side_of(**part));
-            let end = f64::from(end_of(**part));
-            // A part without a side, or without an end, lies on any.
-            side * center.x >= 0.0 && end * (center.z - middle) >= 0.0
+            (!by_side || f64::from(side_of(**part)) * center.x >= 0.0)
+                && (!by_end || f64::from(end_of(**part)) * (center.z - middle) >= 0.0)
         };
         parts.iter().find(fits).copied().unwrap_or(parts[0])
     };
     let part_of = |(face, piece): (&[u32; 3], &usize)| {
         let (sum, corners, [low, high]) = &sums[*piece];
-        if *low < -MIN_REACH && *high > MIN_REACH && parts.iter().any(|part| side_of(*part) != 0) {
+        if by_side && *low < -MIN_REACH && *high > MIN_REACH {
             let corners = face.map(|at| vertices[at as usize].coords);
             return part_at(&((corners[0] + corners[1] + corners[2]) / 3.0));
         }
