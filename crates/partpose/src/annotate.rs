@@ -7,6 +7,7 @@
 mod align;
 mod evaluate;
 mod lattice;
+mod merge;
 mod outside;
 mod profile;
 mod shape;
@@ -178,22 +179,23 @@ pub fn annotate(
     options: &AnnotateOptions,
 ) -> Result<Annotation, AnnotateError> {
     let transfer = transfer(partial, sources, options)?;
-    let surface = &transfer.surface;
+    let merged = merge::merged(partial, &transfer);
+    let surface = &merged.surface;
     let mut mesh = Mesh { vertices: surface.vertices.clone(), ..Mesh::default() };
     let (mut transferred, mut confidence, mut hidden_area) = (Vec::new(), Vec::new(), 0.0);
     // Part by part, as files hold them: what is told of each face then fits the file too.
     let mut order: Vec<usize> = (0..surface.faces.len()).collect();
-    order.sort_by_key(|i| transfer.parts[*i].id());
+    order.sort_by_key(|i| merged.parts[*i].id());
     for i in order {
         let is_given = surface.parts[i].is_some();
-        if !is_given && !options.keep_hidden && transfer.seen[i] == Seen::Hidden {
+        if !is_given && !options.keep_hidden && merged.hidden[i] {
             hidden_area += surface.area(i);
             continue;
         }
         mesh.faces.push(surface.faces[i]);
-        mesh.parts.push(transfer.parts[i]);
+        mesh.parts.push(merged.parts[i]);
         transferred.push(!is_given);
-        confidence.push(transfer.confidence[i]);
+        confidence.push(merged.confidence[i]);
     }
     let model = VehicleModel::new(
         &partial.name,

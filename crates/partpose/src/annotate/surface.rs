@@ -54,9 +54,7 @@ impl Surface {
         welded
     }
 
-    /// With every edge for which `divide` holds halved, again and again.
-    ///
-    /// `divide` gets the lengths of an edge, whether one of its triangles is wanted small, and answers for the edge.
+    /// With every edge longer than `limit` halved, again and again.
     pub(super) fn refined(mut self, limit: f64) -> Self {
         for _ in 0..ROUNDS {
             if self.faces.len() > MAX_FACES || !self.halve(limit, &|_| true) {

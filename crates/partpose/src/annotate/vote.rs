@@ -20,8 +20,6 @@ const NEAR: f64 = 0.03;
 const FAR: f64 = 0.15;
 /// How far a part that the target names may reach beyond the faces that bear its name, metres.
 const BEYOND: f64 = 0.04;
-/// What is left of a vote for it further off.
-const RESERVE: f32 = 0.02;
 
 /// Shares of the parts, under their left names, by [`PartClass::index`].
 pub(super) type Ballot = [f32; PartClass::COUNT];
@@ -44,39 +42,91 @@ pub(super) struct Voter<'a> {
 
 /// The votes of all sources for every spot of the target.
 ///
-/// `without` names parts that the target lacks: their votes go to what stands in their place.
+/// `without` names parts that the target lacks: their votes go to what stands in their place. A part that the target
+/// names gets no votes away from the faces that bear its name: the nearest points of other parts vote there.
 pub(super) fn votes(spots: &[Spot], voters: &[Voter], without: &[PartClass]) -> Vec<Votes> {
     let mut votes = vec![Votes { ballot: [0.0; PartClass::COUNT], fit: 0.0 }; spots.len()];
-    let total: f64 = voters.iter().map(|voter| voter.weight).sum();
+    let total: f64 = voters.iter().map(|voter| voter.weight).sum::<f64>().max(1e-300);
+    let given = Given::new(spots);
+    let mut found = Vec::new();
     for voter in voters {
-        let keys: Vec<Key> =
-            voter.shape.spots.iter().map(|s| key(&s.point, &s.normal, REACH)).collect();
-        let tree = Tree::new(&keys);
-        let mut found = Vec::new();
+        let (all, free) = (Electorate::new(voter.shape, &|_| true), {
+            Electorate::new(voter.shape, &|part| given.trees.get(part).is_none())
+        });
         for (spot, votes) in spots.iter().zip(&mut votes) {
             if spot.part.is_some() {
                 continue;
             }
             let place = voter.alignment.source_from_target(&spot.point);
-            tree.nearest(&key(&place, &spot.normal, REACH), VOTERS, &mut found);
+            let query = key(&place, &spot.normal, REACH);
+            all.tree.nearest(&query, VOTERS, &mut found);
+            let is_free =
+                found.iter().all(|(_, i)| given.allows(all.parts[*i as usize], &spot.point));
+            if !is_free {
+                free.tree.nearest(&query, VOTERS, &mut found);
+            }
+            let parts = if is_free { &all.parts } else { &free.parts };
             let Some((nearest, _)) = found.first().copied() else { continue };
             let fit = (-0.5 * nearest / (FAR * FAR)).exp();
-            let weight = voter.weight / total.max(1e-300) * fit.max(1e-6);
+            let share = voter.weight / total;
             let count = |square: f64| (-0.5 * (square - nearest) / (NEAR * NEAR)).exp();
             let sum: f64 = found.iter().map(|(square, _)| count(*square)).sum();
             for (square, index) in &found {
-                let Some(part) = voter.shape.spots[*index as usize].part else { continue };
-                let part = stand_in(part, without);
-                votes.ballot[part.index()] += (weight * count(*square) / sum) as f32;
+                let part = stand_in(parts[*index as usize], without);
+                let weight = share * fit.max(1e-6) * count(*square) / sum;
+                votes.ballot[part.index()] += weight as f32;
             }
-            votes.fit += (voter.weight / total.max(1e-300) * fit) as f32;
+            votes.fit += (share * fit) as f32;
         }
     }
-    hold_back_given(spots, &mut votes);
     for votes in &mut votes {
         normalize(&mut votes.ballot);
     }
     votes
+}
+
+/// Those points of a source that may vote, with their parts.
+struct Electorate {
+    tree: Tree,
+    parts: Vec<PartClass>,
+}
+
+impl Electorate {
+    fn new(shape: &Shape, admits: &dyn Fn(PartClass) -> bool) -> Self {
+        let labelled = shape.spots.iter().filter_map(|spot| Some((spot, spot.part?)));
+        let (keys, parts): (Vec<Key>, Vec<PartClass>) = labelled
+            .filter(|(_, part)| admits(*part))
+            .map(|(spot, part)| (key(&spot.point, &spot.normal, REACH), part))
+            .unzip();
+        Self { tree: Tree::new(&keys), parts }
+    }
+}
+
+/// Where the target's own parts are.
+struct Given {
+    trees: PartMap<Tree>,
+}
+
+impl Given {
+    fn new(spots: &[Spot]) -> Self {
+        let mut keys: PartMap<Vec<Key>> = PartMap::default();
+        for spot in spots {
+            let Some(part) = spot.part else { continue };
+            match keys.get_mut(part) {
+                Some(list) => list.push(place_key(&spot.point)),
+                None => drop(keys.insert(part, vec![place_key(&spot.point)])),
+            }
+        }
+        Self { trees: keys.map(|_, keys| Tree::new(keys)) }
+    }
+
+    /// Whether a face without a part may get this one: the target does not name it, or names it close by.
+    fn allows(&self, part: PartClass, point: &Point3) -> bool {
+        let Some(tree) = self.trees.get(part) else { return true };
+        let mut found = Vec::with_capacity(2);
+        tree.nearest(&place_key(point), 1, &mut found);
+        found.first().is_some_and(|(square, _)| *square <= BEYOND * BEYOND)
+    }
 }
 
 /// The part that is where a missing one would be.
@@ -104,33 +154,6 @@ fn stand_in(part: PartClass, without: &[PartClass]) -> PartClass {
         };
     }
     part
-}
-
-/// Weakens votes for parts that the target names, away from the faces that bear the name.
-fn hold_back_given(spots: &[Spot], votes: &mut [Votes]) {
-    let mut given: PartMap<Vec<Key>> = PartMap::default();
-    for spot in spots {
-        let Some(part) = spot.part else { continue };
-        if given.get(part).is_none() {
-            given.insert(part, Vec::new());
-        }
-        if let Some(keys) = given.get_mut(part) {
-            keys.push(place_key(&spot.point));
-        }
-    }
-    let trees = given.map(|_, keys| Tree::new(keys));
-    let mut found = Vec::new();
-    for (spot, votes) in spots.iter().zip(votes) {
-        for (part, tree) in trees.iter() {
-            let vote = &mut votes.ballot[part.index()];
-            if *vote > 0.0 {
-                tree.nearest(&place_key(&spot.point), 1, &mut found);
-                if found.first().is_some_and(|(square, _)| *square > BEYOND * BEYOND) {
-                    *vote *= RESERVE;
-                }
-            }
-        }
-    }
 }
 
 fn place_key(point: &Point3) -> Key {

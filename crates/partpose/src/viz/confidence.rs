@@ -7,7 +7,7 @@ use crate::render::Instance;
 use crate::vehicle::Mesh;
 
 use super::canvas::{Canvas, Pen, TextStyle};
-use super::shade::shade_colored;
+use super::shade::{ShadeOptions, shade_colored};
 use super::turntable::{
     FAINT, HEADER, INK, LEGEND, TurntableOptions, VIEWS, framing, header, longest, rules, view,
 };
@@ -21,8 +21,6 @@ const COLORS: [[u8; 3]; 5] =
 const BINS: usize = 20;
 
 /// The views of [`super::turntable`], grey where parts were given, from red to blue where they were transferred.
-///
-/// Seams between parts are dark in both, so that the two sheets can be compared.
 pub fn confidence_turntable(annotation: &Annotation, options: &TurntableOptions) -> RgbImage {
     let model = &annotation.model;
     let [width, height] = options.tile.map(|side| side.clamp(16, 2048));
@@ -45,7 +43,9 @@ pub fn confidence_turntable(annotation: &Annotation, options: &TurntableOptions)
             .zip(1..)
             .map(|(mesh, id)| Instance { mesh, camera_from_vehicle, id, ..whole })
             .collect();
-        let picture = shade_colored(&camera, &instances, &options.shade, &|_, id| color(id));
+        // Steps of confidence are no seams.
+        let shade = ShadeOptions { seam: 0.0, ..options.shade };
+        let picture = shade_colored(&camera, &instances, &shade, &|_, id| color(id));
         canvas.paste(&picture, at);
         canvas.text([at[0] + 8, at[1] + 8], name, TextStyle::plain(FAINT));
     }
