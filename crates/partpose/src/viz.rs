@@ -4,6 +4,7 @@
 
 mod birds_eye;
 mod canvas;
+mod confidence;
 mod contact_sheet;
 mod contours;
 mod font;
@@ -15,6 +16,7 @@ mod shade;
 mod turntable;
 
 pub use birds_eye::{BirdsEyeOptions, birds_eye};
+pub use confidence::confidence_turntable;
 pub use contact_sheet::{ContactSheetOptions, contact_sheet};
 pub use overlay::{overlay, side_by_side};
 pub use plot::{Axis, Mark, Plot, Series, contact_sheet, plot};

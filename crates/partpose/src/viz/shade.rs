@@ -29,6 +29,17 @@ impl Default for ShadeOptions {
 
 /// A picture of models in the colours of their parts.
 pub fn shade(camera: &Camera, instances: &[Instance], options: &ShadeOptions) -> RgbImage {
+    let color = |part: PartClass, _: u16| part.color();
+    shade_colored(camera, instances, options, &color)
+}
+
+/// As [`shade`], in colours of choice: `color` gets the part and the instance's id.
+pub(super) fn shade_colored(
+    camera: &Camera,
+    instances: &[Instance],
+    options: &ShadeOptions,
+    color: &dyn Fn(PartClass, u16) -> [u8; 3],
+) -> RgbImage {
     let samples = options.samples.clamp(1, 8);
     let fine = camera.crop(&camera.image_rect(), camera.size.map(|side| side * samples));
     let mut renderer = LabelRenderer::default();
@@ -38,7 +49,7 @@ pub fn shade(camera: &Camera, instances: &[Instance], options: &ShadeOptions) ->
     let fine_width = image.size[0] as usize;
     for i in 0..image.parts.len() {
         let (x, y) = (i % fine_width, i / fine_width);
-        let color = sample_color(&fine, image, [x, y], options);
+        let color = sample_color(&fine, image, [x, y], options, color);
         let sum = &mut sums[y / samples as usize * width + x / samples as usize];
         for (total, value) in sum.iter_mut().zip(color) {
             *total += value;
@@ -55,6 +66,7 @@ fn sample_color(
     image: &LabelImage,
     [x, y]: [usize; 2],
     options: &ShadeOptions,
+    color: &dyn Fn(PartClass, u16) -> [u8; 3],
 ) -> [f64; 3] {
     let [width, height] = image.size.map(|side| side as usize);
     let here = y * width + x;
@@ -74,7 +86,8 @@ fn sample_color(
     let brightness = (options.ambient + (1.0 - options.ambient) * light) * darkening;
     // Black parts would show no shape at all: they get a little of the light as it is.
     let sheen = 34.0 * light * darkening;
-    part.color().map(|value| (f64::from(value) * brightness * 0.92 + sheen).min(255.0))
+    color(part, image.instances[here])
+        .map(|value| (f64::from(value) * brightness * 0.92 + sheen).min(255.0))
 }
 
 /// How much light falls on a surface, 0 to 1: a lamp up to the left of the camera, and the sky.

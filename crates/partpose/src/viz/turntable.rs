@@ -30,7 +30,7 @@ impl Default for TurntableOptions {
 
 /// Names of the views and where the camera stands: the angle from the front towards the vehicle's left, in eighths of
 /// a turn, and whether it looks from above instead. Left and right stand where they do on the sheet.
-const VIEWS: [(&str, Option<u8>); 9] = [
+pub(super) const VIEWS: [(&str, Option<u8>); 9] = [
     ("front right", Some(7)),
     ("front", Some(0)),
     ("front left", Some(1)),
@@ -45,8 +45,8 @@ const VIEWS: [(&str, Option<u8>); 9] = [
 pub(super) const INK: [u8; 3] = [32, 36, 44];
 pub(super) const FAINT: [u8; 3] = [110, 116, 126];
 const RULE: [u8; 4] = [208, 211, 217, 255];
-const HEADER: u32 = 44;
-const LEGEND: u32 = 150;
+pub(super) const HEADER: u32 = 44;
+pub(super) const LEGEND: u32 = 150;
 /// Distance of the camera in diagonals of the model: near enough for some perspective.
 const DISTANCE: f64 = 3.2;
 /// Share of a tile that the model fills.
@@ -134,7 +134,7 @@ pub(super) fn longest(points: &[Point3]) -> f64 {
     (0..3).map(around).fold(1e-9, f64::max)
 }
 
-fn rules(canvas: &mut Canvas, [width, height]: [u32; 2]) {
+pub(super) fn rules(canvas: &mut Canvas, [width, height]: [u32; 2]) {
     let pen = Pen { color: RULE, width: 1.0 };
     let [right, bottom] = [3 * width, HEADER + 3 * height].map(f64::from);
     for i in 0..=3 {
@@ -145,7 +145,7 @@ fn rules(canvas: &mut Canvas, [width, height]: [u32; 2]) {
     }
 }
 
-fn header(canvas: &mut Canvas, model: &VehicleModel) {
+pub(super) fn header(canvas: &mut Canvas, model: &VehicleModel) {
     let title = TextStyle { scale: 2, ..TextStyle::plain(INK) };
     canvas.text([10, 7], model.name(), title);
     let extent = model.extent();
