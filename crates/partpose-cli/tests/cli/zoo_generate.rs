@@ -45,7 +45,7 @@ fn a_file_that_changes_a_vehicle_makes_another() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(
         folder.path().join("mine.toml"),
-        "base = \"hatchback\"\nlength = 4.1\nwheelbase = 2.51\nrear_doors = false\nb_pillar = 1.7\n",
+        "base = \"hatchback\"\nbody_style = \"hatchback-3-door\"\nlength = 4.1\nwheelbase = 2.51\nrear_doors = false\nb_pillar = 1.7\n",
     )
     .unwrap();
     check(
@@ -63,7 +63,7 @@ fn a_file_that_changes_a_vehicle_makes_another() {
         &expect![[r#"
             --- stdout
             name  category  body style        width  height  length  faces  missing
-            mine  Car       hatchback-5-door   1.80    1.45    4.10  14334  doors_RL doors_RR glass_CL glass_CR
+            mine  Car       hatchback-3-door   1.80    1.45    4.10  14326  doors_RL doors_RR glass_CL glass_CR
             --- exit 0
         "#]],
     );
