@@ -66,7 +66,7 @@ pub fn encode_gray16_png(size: [u32; 2], values: &[u16]) -> Vec<u8> {
 
 fn finish(mut encoder: png::Encoder<&mut Vec<u8>>, depth: png::BitDepth, values: &[u8]) {
     encoder.set_depth(depth);
-    encoder.set_compression(png::Compression::Fast);
+    encoder.set_compression(png::Compression::Balanced);
     encoder.set_filter(png::Filter::NoFilter);
     let mut writer = encoder.write_header().expect("writing to memory does not fail");
     writer.write_image_data(values).expect("the labels fill the size");

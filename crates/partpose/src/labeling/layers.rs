@@ -58,7 +58,8 @@ pub(super) fn draw(
     }
     part_of_camera.size = size;
     let image = renderer.render(&part_of_camera, &[instance], &RenderOptions::default());
-    Some(Layer { origin, size, parts: image.parts.clone(), depths: image.depths.clone() })
+    let seen = image.parts.iter().any(|part| *part != 0);
+    seen.then(|| Layer { origin, size, parts: image.parts.clone(), depths: image.depths.clone() })
 }
 
 /// The pixels that a vehicle can cover: origin and size.
