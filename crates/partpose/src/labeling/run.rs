@@ -15,8 +15,8 @@ use super::block::{BLOCK, Block, BlockFrame, BlockHeader, finished};
 use super::coco_file::{self, assemble};
 use super::store::check_name;
 use super::{
-    Agreement, Compared, LabelError, LabelOptions, LabelStore, Segmentation, Shard, Zoos, compare,
-    label_frame, manifest,
+    Agreement, Compared, LabelError, LabelOptions, LabelStore, LabeledVehicle, Segmentation, Shard,
+    Zoos, compare, label_frame, manifest,
 };
 
 /// Skipped frames and faulty rows that are told of; more are counted.
@@ -78,6 +78,8 @@ pub struct SequenceReport {
     pub hidden: usize,
     /// Vehicles drawn by a model that stands in for one that the zoo lacks.
     pub stand_ins: usize,
+    /// Vehicles whose model the zoo has by the name that the data set gives, drawn by another that is nearer in size.
+    pub named_otherwise: usize,
     /// Frames with a segmentation; in the others, occluders that are no vehicles are unknown.
     pub segmented: usize,
     /// Blocks of frames that other shards have still to do; where there are none, the sequence's file is written.
@@ -333,14 +335,18 @@ impl Sequence<'_> {
             Some(reference) => compare::compare(reference, frame, &labels.parts, &labels.instances),
             None => Ok(None),
         };
-        let seen = labels.vehicles.iter().filter(|vehicle| vehicle.visible_pixels > 0).count();
+        let count = |which: &dyn Fn(&LabeledVehicle) -> bool| {
+            labels.vehicles.iter().filter(|vehicle| which(vehicle)).count()
+        };
+        let seen = count(&|vehicle| vehicle.visible_pixels > 0);
         Ok(Ok(Labeled {
             frame: BlockFrame {
                 index: frame.index,
                 bytes,
                 vehicles: seen,
                 hidden: labels.vehicles.len() - seen,
-                stand_ins: labels.vehicles.iter().filter(|v| v.stand_in.is_some()).count(),
+                stand_ins: count(&|vehicle| vehicle.stand_in.is_some()),
+                named_otherwise: count(&|vehicle| vehicle.named_otherwise),
                 segmented: labels.segmented,
             },
             image,
@@ -380,6 +386,7 @@ fn add(sequence: &mut SequenceReport, outcome: &Outcome) {
         sequence.vehicles += frame.vehicles;
         sequence.hidden += frame.hidden;
         sequence.stand_ins += frame.stand_ins;
+        sequence.named_otherwise += frame.named_otherwise;
         sequence.segmented += usize::from(frame.segmented);
     }
 }

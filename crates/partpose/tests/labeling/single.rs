@@ -149,8 +149,8 @@ fn frame_with_more_vehicles_than_memory_is_refused() {
     let mut near = frame.vehicles[0].clone();
     near.cuboid.camera_from_vehicle.translation.z = 0.5;
     near.track = None;
-    // Each fills the image; layers of a hundred thousand times that are never allocated.
-    frame.camera.size = [12_000, 12_000];
+    // Each fills the image; nothing of that is ever drawn.
+    frame.camera.size = [9_000, 12_000];
     frame.vehicles = vec![near; 3];
     let zoo = zoo();
     let mut renderer = LabelRenderer::default();
@@ -158,6 +158,6 @@ fn frame_with_more_vehicles_than_memory_is_refused() {
     let error = label_frame(&frame, &Zoos::single(&zoo), &options, None, &mut renderer);
     assert_eq!(
         error.unwrap_err().to_string(),
-        "the frame's 3 vehicles are too large to be drawn together"
+        "3 vehicles in an image of [9000, 12000] pixels are too many or too large to be drawn"
     );
 }
