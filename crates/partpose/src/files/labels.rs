@@ -153,7 +153,7 @@ mod tests {
     fn damaged_images_are_errors() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
-        let png = encode_indexed_png([300, 200], &[1; 60_000], &PALETTE);
+        let png = encode_indexed_png([300, 200], &vec![1; 60_000], &PALETTE);
         for cut in [0, 8, 40, png.len() / 2] {
             write(&path, &png[..cut]).unwrap();
             let error = read_indices(&path).unwrap_err().to_string();

@@ -125,8 +125,8 @@ pub fn label_dataset(
 ) -> Result<LabelReport, LabelError> {
     let may_resume = job.resume || job.shard.is_some();
     manifest::claim(store, &manifest::settings(dataset, job), may_resume)?;
-    let mut report = LabelReport::default();
-    report.agreement = job.reference.as_ref().map(|_| Agreement::default());
+    let agreement = job.reference.as_ref().map(|_| Agreement::default());
+    let mut report = LabelReport { agreement, ..LabelReport::default() };
     for (number, id) in job.sequences.iter().enumerate() {
         let mut sequence = SequenceReport { name: id.to_string(), ..SequenceReport::default() };
         let read = check_name(id).and_then(|()| Ok(dataset.read(id)?));
