@@ -20,6 +20,7 @@ mod manifest;
 mod options;
 mod run;
 mod segmentation;
+mod sequence;
 mod store;
 
 pub use agreement::{Agreement, ClassAgreement, Tally};
