@@ -135,7 +135,7 @@ pub fn plot(plot: &Plot) -> RgbImage {
 }
 
 /// Pictures of one size side by side, row by row.
-pub fn contact_sheet(pictures: &[RgbImage], columns: usize) -> RgbImage {
+pub fn panels(pictures: &[RgbImage], columns: usize) -> RgbImage {
     let columns = columns.clamp(1, pictures.len().max(1));
     let side = |i: usize| pictures.iter().map(|picture| picture.size[i]).max().unwrap_or(1);
     let [width, height] = [side(0), side(1)];
