@@ -3,10 +3,16 @@
 //! Every file from outside comes in through here, so that a forged size cannot exhaust memory; every file that others
 //! rely on goes out through [`write()`], so that an interrupted run leaves no half of one.
 
+mod labels;
+
 use std::{
     fs::{self, File},
     io::{self, Read, Write},
     path::{Path, PathBuf},
+};
+
+pub use labels::{
+    LabelImageError, Labels, encode_gray16_png, encode_indexed_png, read_gray16, read_indices,
 };
 
 /// Largest text or model file that is read, bytes.
@@ -145,11 +151,21 @@ pub fn image_size(path: &Path) -> Result<[u32; 2], FileError> {
 
 /// Writes a file as a whole: into a temporary file beside it, which then takes its name.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    write_with(path, &mut |out| out.write_all(bytes))
+}
+
+/// The same for what is too large to be held: `fill` writes it piece by piece.
+pub fn write_with(
+    path: &Path,
+    fill: &mut dyn FnMut(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), FileError> {
     let failed = |source| FileError::write(path, source);
     let folder = or_here(path.parent().unwrap_or(Path::new("")));
     make_folders(folder)?;
     let mut file = temporary_file(folder).map_err(failed)?;
-    file.write_all(bytes).map_err(failed)?;
+    let mut buffer = io::BufWriter::new(file.as_file_mut());
+    fill(&mut buffer).and_then(|()| buffer.flush()).map_err(failed)?;
+    drop(buffer);
     file.as_file().sync_all().map_err(failed)?;
     #[cfg(unix)]
     {

@@ -4,6 +4,7 @@
 
 mod birds_eye;
 mod canvas;
+mod confusion;
 mod contours;
 mod font;
 mod labels;
@@ -14,6 +15,7 @@ mod shade;
 mod turntable;
 
 pub use birds_eye::{BirdsEyeOptions, birds_eye};
+pub use confusion::{ConfusionClass, confusion_picture};
 pub use overlay::{overlay, side_by_side};
 pub use plot::{Axis, Mark, Plot, Series, contact_sheet, plot};
 pub use scene::{PointPair, ScenePicture, VehiclePicture};

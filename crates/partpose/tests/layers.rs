@@ -12,13 +12,13 @@ const LAYERS: &[&str] = &[
     "render",
     "annotate",
     "dataset",
-    "labeling",
     "detection",
     "oracle",
     "pose",
     "eval",
     "carve",
     "formats",
+    "labeling",
     "viz",
 ];
 
