@@ -1,10 +1,12 @@
 //! Scores with the paper's definitions, and with those of the public benchmarks.
 
+pub mod a3dp;
 pub mod kitti;
 pub mod pnp;
 
 mod input;
 mod poses;
+pub mod ranking;
 mod run;
 mod table;
 mod tables;

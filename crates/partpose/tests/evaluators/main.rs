@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail loudly too")]
 
+mod a3dp;
 mod kitti;
 
 use std::path::PathBuf;
