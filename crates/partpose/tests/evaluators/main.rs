@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail loudly too")]
 
 mod a3dp;
+mod coco;
 mod kitti;
 
 use std::path::PathBuf;
