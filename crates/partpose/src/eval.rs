@@ -1,6 +1,7 @@
 //! Scores with the paper's definitions, and with those of the public benchmarks.
 
 pub mod a3dp;
+pub mod bop;
 pub mod coco;
 pub mod kitti;
 pub mod pnp;

@@ -143,9 +143,8 @@ pub fn score_a3dp(
     let precision = |area: usize| {
         mean(curves(area, MOST_RESULTS).into_iter().flat_map(|curve| curve.precision))
     };
-    let recall = |area: usize, most: usize| {
-        mean(curves(area, most).into_iter().map(|curve| curve.recall))
-    };
+    let recall =
+        |area: usize, most: usize| mean(curves(area, most).into_iter().map(|curve| curve.recall));
     let all = curves(0, MOST_RESULTS);
     let single = |criterion: usize| {
         all.get(criterion).and_then(|curve| mean(curve.precision.iter().copied()))
@@ -314,9 +313,8 @@ mod tests {
             ..car(0.0, score)
         };
         let image = A3dpImage { truths: vec![far(0.0, 0.0)], results: vec![far(5.0, 0.5)] };
-        let ap = |distance| {
-            scores(image.clone(), distance, A3dpMatching::Fresh).figures[1].1.unwrap()
-        };
+        let ap =
+            |distance| scores(image.clone(), distance, A3dpMatching::Fresh).figures[1].1.unwrap();
         assert!(ap(A3dpDistance::Absolute) < 1e-12);
         assert!((ap(A3dpDistance::Relative) - 1.0).abs() < 1e-9);
     }

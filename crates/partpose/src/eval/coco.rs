@@ -127,9 +127,11 @@ pub fn score_coco(set: &CocoSet, overlap: CocoOverlap) -> CocoScores {
     let at = |threshold: usize, point: usize| {
         mean(all.iter().filter_map(|curves| Some(curves.get(threshold)?.precision[point])))
     };
-    let curve = |threshold: usize| (0..super::ranking::RECALL_POINTS)
-        .map(|point| at(threshold, point))
-        .collect::<Option<Vec<f64>>>();
+    let curve = |threshold: usize| {
+        (0..super::ranking::RECALL_POINTS)
+            .map(|point| at(threshold, point))
+            .collect::<Option<Vec<f64>>>()
+    };
     CocoScores {
         figures,
         categories: all.iter().map(of_category).collect(),
@@ -241,9 +243,8 @@ impl<'a> Pairs<'a> {
 
 fn box_overlap(result: &CocoResult, truth: &CocoTruth) -> f64 {
     let (Some(d), Some(g)) = (result.bounds, truth.bounds) else { return 0.0 };
-    let shared = |axis: usize| {
-        (d[axis + 2] + d[axis]).min(g[axis + 2] + g[axis]) - d[axis].max(g[axis])
-    };
+    let shared =
+        |axis: usize| (d[axis + 2] + d[axis]).min(g[axis + 2] + g[axis]) - d[axis].max(g[axis]);
     let [width, height] = [shared(0), shared(1)];
     if width <= 0.0 || height <= 0.0 {
         return 0.0;

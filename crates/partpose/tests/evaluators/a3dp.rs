@@ -1,6 +1,4 @@
-use partpose::eval::a3dp::{
-    A3dpDistance, A3dpMatching, parse_similarity, read_a3dp, score_a3dp,
-};
+use partpose::eval::a3dp::{A3dpDistance, A3dpMatching, parse_similarity, read_a3dp, score_a3dp};
 use partpose::files;
 
 use super::shared;

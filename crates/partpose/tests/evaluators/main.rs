@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail loudly too")]
 
 mod a3dp;
+mod bop;
 mod coco;
 mod kitti;
 

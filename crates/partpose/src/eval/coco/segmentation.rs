@@ -83,7 +83,9 @@ pub fn segmentation_rle(
             let coco = CocoRle { size: *size, counts: text.clone() };
             Rle::from_coco(&coco).map_err(SegmentationError::Runs)?
         }
-        Segmentation::Runs { size, counts: Counts::Lengths(lengths) } => from_lengths(*size, lengths)?,
+        Segmentation::Runs { size, counts: Counts::Lengths(lengths) } => {
+            from_lengths(*size, lengths)?
+        }
     };
     match image {
         Some(image) if image != rle.size() => {

@@ -42,8 +42,7 @@ pub fn read_kitti(labels: &Path, results: &Path, subset: bool) -> Result<KittiFi
         let result = results.join(path.file_name().unwrap_or_default());
         if !result.is_file() {
             if !subset {
-                let reason =
-                    "is missing: an image without detections has an empty file of results";
+                let reason = "is missing: an image without detections has an empty file of results";
                 return Err(InputError::content(&result, reason));
             }
             found.without_results += 1;
@@ -80,7 +79,8 @@ fn object(line: &str, scored: bool) -> Result<KittiObject, String> {
     }
     let mut values = [0.0; COLUMNS];
     for (i, value) in values.iter_mut().enumerate().skip(1) {
-        *value = number(fields[i], ABSURD).map_err(|reason| format!("column {} {reason}", i + 1))?;
+        *value =
+            number(fields[i], ABSURD).map_err(|reason| format!("column {} {reason}", i + 1))?;
     }
     let [_, truncation, occlusion, alpha, x1, y1, x2, y2, h, w, l, x, y, z, rotation_y] = values;
     let score = if scored {
@@ -108,7 +108,8 @@ mod tests {
 
     use super::*;
 
-    const ROW: &str = "Car 0.00 1 1.60 343.67 175.63 444.64 271.99 1.60 1.65 3.62 -4.11 1.66 14.06 1.32";
+    const ROW: &str =
+        "Car 0.00 1 1.60 343.67 175.63 444.64 271.99 1.60 1.65 3.62 -4.11 1.66 14.06 1.32";
 
     fn parse(text: &str, scored: bool) -> Result<Vec<KittiObject>, String> {
         parse_kitti(Path::new("a.txt"), text, scored).map_err(|error| error.to_string())
