@@ -20,6 +20,7 @@ mod manifest;
 mod options;
 mod run;
 mod segmentation;
+mod sequence;
 mod store;
 
 pub use agreement::{Agreement, ClassAgreement, Tally};
@@ -77,10 +78,14 @@ pub enum LabelError {
     #[error("the frame has no class segmentation, but others of its sequence have one")]
     NoSegmentation,
     /// A frame whose vehicles would fill the memory.
-    #[error("the frame's {vehicles} vehicles are too large to be drawn together")]
+    #[error(
+        "{vehicles} vehicles in an image of {size:?} pixels are too many or too large to be drawn"
+    )]
     TooCrowded {
         /// How many there are.
         vehicles: usize,
+        /// Width and height of the image in pixels.
+        size: [u32; 2],
     },
     /// A sequence whose name cannot be that of folders.
     #[error("the sequence `{name}` cannot name folders")]

@@ -236,6 +236,13 @@ fn finish(
     if stand_ins > 0 {
         note(format_args!("{stand_ins} of them by models that stand in for what the zoo lacks"));
     }
+    let named = sum(|s| s.named_otherwise);
+    if named > 0 {
+        note(format_args!(
+            "{named} of them by the model nearest in size, though the zoo has the one that the data set names: \
+             `--models name` goes by names"
+        ));
+    }
     if unknown > 0 {
         note(format_args!(
             "vehicles hide each other by depth; other occluders are unknown in {unknown} frames, which have no \

@@ -66,7 +66,7 @@ pub fn encode_gray16_png(size: [u32; 2], values: &[u16]) -> Vec<u8> {
 
 fn finish(mut encoder: png::Encoder<&mut Vec<u8>>, depth: png::BitDepth, values: &[u8]) {
     encoder.set_depth(depth);
-    encoder.set_compression(png::Compression::Fast);
+    encoder.set_compression(png::Compression::Balanced);
     encoder.set_filter(png::Filter::NoFilter);
     let mut writer = encoder.write_header().expect("writing to memory does not fail");
     writer.write_image_data(values).expect("the labels fill the size");
@@ -153,7 +153,7 @@ mod tests {
     fn damaged_images_are_errors() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
-        let png = encode_indexed_png([300, 200], &[1; 60_000], &PALETTE);
+        let png = encode_indexed_png([300, 200], &vec![1; 60_000], &PALETTE);
         for cut in [0, 8, 40, png.len() / 2] {
             write(&path, &png[..cut]).unwrap();
             let error = read_indices(&path).unwrap_err().to_string();

@@ -55,6 +55,8 @@ pub struct Assignment<'a> {
     pub labelled: bool,
     /// Why another model than the one asked for.
     pub stand_in: Option<StandIn>,
+    /// Whether the zoo has the model that the data set names, and another was chosen by size.
+    pub named_otherwise: bool,
 }
 
 /// The model for a vehicle; `None` if the zoo is empty or lacks the fold.
@@ -73,17 +75,22 @@ pub fn assign<'a>(
     };
     let labelled = category && !(vehicle.dont_care && options.dont_care == DontCare::Occlude);
     let extent = &vehicle.cuboid.extent;
-    let named = match (options.models, &vehicle.model) {
-        (ModelChoice::Name, Some(name)) => Some(zoo.get(name)),
-        _ => None,
+    let own = vehicle.model.as_deref().and_then(|name| zoo.get(name));
+    let by_name = options.models == ModelChoice::Name;
+    let chosen = |model: &'a VehicleModel, stand_in| Assignment {
+        model,
+        labelled,
+        stand_in,
+        named_otherwise: own.is_some_and(|own| own.name() != model.name()),
     };
-    if let Some(Some(model)) = named {
-        return Some(Assignment { model, labelled, stand_in: None });
+    if let Some(own) = own.filter(|_| by_name) {
+        return Some(chosen(own, None));
     }
     if let Some(model) = zoo.closest(&vehicle.category, extent) {
-        return Some(Assignment { model, labelled, stand_in: named.map(|_| StandIn::Name) });
+        let lacking = by_name && vehicle.model.is_some();
+        return Some(chosen(model, lacking.then_some(StandIn::Name)));
     }
     let distance = |model: &VehicleModel| model.extent().l1_distance(extent);
     let model = zoo.models.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-    Some(Assignment { model, labelled, stand_in: Some(StandIn::Category) })
+    Some(chosen(model, Some(StandIn::Category)))
 }

@@ -39,6 +39,8 @@ pub(super) struct BlockFrame {
     pub(super) hidden: usize,
     /// Vehicles whose model stands in for one that the zoo lacks.
     pub(super) stand_ins: usize,
+    /// Vehicles whose name the zoo has a model of, drawn by another.
+    pub(super) named_otherwise: usize,
     /// Whether a segmentation was used.
     pub(super) segmented: bool,
 }
@@ -124,6 +126,7 @@ mod tests {
             vehicles: 1,
             hidden: 0,
             stand_ins: 0,
+            named_otherwise: 0,
             segmented: false,
         };
         let header = BlockHeader { frames: vec![frame], skipped: vec![4], annotations: 2 };

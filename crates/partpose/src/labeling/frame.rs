@@ -8,8 +8,9 @@ use super::assign::{Assignment, StandIn, Zoos, assign};
 use super::layers::{self, Layer};
 use super::{LabelError, LabelOptions, Segmentation};
 
-/// Most pixels that the layers of a frame may have together: 50 cars next to the camera in a large image.
-const MAX_LAYER_PIXELS: usize = 1 << 28;
+/// Most pixels that a frame and the windows of its vehicles may have together: a hundred that fill an image of a
+/// million.
+const MAX_PIXELS: usize = 100 << 20;
 
 /// Labels of every pixel of a frame, and of its vehicles.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,6 +38,8 @@ pub struct LabeledVehicle {
     pub model: String,
     /// Why another model than the one asked for.
     pub stand_in: Option<StandIn>,
+    /// Whether the zoo has the model that the data set names, and another was chosen by size.
+    pub named_otherwise: bool,
     /// Pixels that show it.
     pub visible_pixels: u32,
     /// Pixels of the image that would show it if nothing stood before it.
@@ -70,17 +73,20 @@ pub fn label_frame(
     let size = frame.camera.size;
     let assignments: Vec<Option<Assignment>> =
         frame.vehicles.iter().map(|vehicle| assign(frame, vehicle, zoos, options)).collect();
-    let mut pixels = 0;
+    let mut pixels = size[0] as usize * size[1] as usize;
     let mut drawn: Vec<Option<Layer>> = Vec::with_capacity(assignments.len());
     for (vehicle, assignment) in frame.vehicles.iter().zip(&assignments) {
-        let layer = assignment.as_ref().and_then(|assignment| {
-            layers::draw(renderer, &frame.camera, assignment.model, &vehicle.cuboid)
+        let placed = assignment.as_ref().and_then(|assignment| {
+            let instance = layers::place(assignment.model, &vehicle.cuboid);
+            Some((instance, layers::window(&frame.camera, &instance)?))
         });
-        pixels += layer.as_ref().map_or(0, |layer| layer.parts.len());
-        if pixels > MAX_LAYER_PIXELS {
-            return Err(LabelError::TooCrowded { vehicles: frame.vehicles.len() });
+        pixels += placed.map_or(0, |(_, (_, size))| size[0] as usize * size[1] as usize);
+        if pixels > MAX_PIXELS {
+            return Err(LabelError::TooCrowded { vehicles: frame.vehicles.len(), size });
         }
-        drawn.push(layer);
+        drawn.push(placed.and_then(|(instance, window)| {
+            layers::draw(renderer, &frame.camera, &instance, window)
+        }));
     }
     let mut owners = layers::compose(size, &drawn);
     if let Some(segmentation) = segmentation {
@@ -115,6 +121,7 @@ pub fn label_frame(
                 id: ids[row],
                 model: assignment.model.name().to_owned(),
                 stand_in: assignment.stand_in,
+                named_otherwise: assignment.named_otherwise,
                 visible_pixels: visible[row],
                 total_pixels: layer.pixels(),
                 window: [layer.origin, layer.size],

@@ -38,31 +38,38 @@ impl Layer {
     }
 }
 
-/// Draws a model, scaled to a cuboid per axis; `None` where it lies outside the image.
-pub(super) fn draw(
-    renderer: &mut LabelRenderer,
-    camera: &Camera,
-    model: &VehicleModel,
-    cuboid: &Cuboid,
-) -> Option<Layer> {
-    let instance = Instance {
+/// Origin and size of a window of the image.
+pub(super) type Window = ([u32; 2], [u32; 2]);
+
+/// A model, scaled to a cuboid per axis, at its place.
+pub(super) fn place<'a>(model: &'a VehicleModel, cuboid: &Cuboid) -> Instance<'a> {
+    Instance {
         mesh: model.mesh(),
         scale: cuboid.extent.ratio(&model.extent()),
         camera_from_vehicle: cuboid.camera_from_vehicle,
         id: 1,
-    };
-    let (origin, size) = window(camera, &instance)?;
+    }
+}
+
+/// Draws a vehicle in its window; `None` where nothing of it is seen there.
+pub(super) fn draw(
+    renderer: &mut LabelRenderer,
+    camera: &Camera,
+    instance: &Instance,
+    (origin, size): Window,
+) -> Option<Layer> {
     let mut part_of_camera = *camera;
     for axis in 0..2 {
         part_of_camera.principal_point[axis] -= f64::from(origin[axis]);
     }
     part_of_camera.size = size;
-    let image = renderer.render(&part_of_camera, &[instance], &RenderOptions::default());
-    Some(Layer { origin, size, parts: image.parts.clone(), depths: image.depths.clone() })
+    let image = renderer.render(&part_of_camera, &[*instance], &RenderOptions::default());
+    let seen = image.parts.iter().any(|part| *part != 0);
+    seen.then(|| Layer { origin, size, parts: image.parts.clone(), depths: image.depths.clone() })
 }
 
-/// The pixels that a vehicle can cover: origin and size.
-fn window(camera: &Camera, instance: &Instance) -> Option<([u32; 2], [u32; 2])> {
+/// The pixels that a vehicle can cover; `None` where it lies outside the image.
+pub(super) fn window(camera: &Camera, instance: &Instance) -> Option<Window> {
     let (low, high) = instance.mesh.bounds()?;
     let mut bounds = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
     for corner in 0..8 {

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
+use crate::dataset::folds::Folds;
 use crate::dataset::{Dataset, SequenceId};
 use crate::files;
 use crate::vehicle::{ModelZoo, to_glb};
@@ -23,7 +24,7 @@ pub(super) fn settings(dataset: &Dataset, job: &LabelJob) -> Map<String, Value> 
         "models": job.options.models,
         "categories": job.options.categories,
         "dont_care": job.options.dont_care,
-        "folds": job.zoos.folds.map(|folds| folds.count()),
+        "folds": job.zoos.folds.map(Folds::count),
         "zoos": zoos,
     });
     match settings {
