@@ -1,6 +1,6 @@
 //! Average precision of car poses as `ApolloCar3D` has it (A3DP).
 //!
-//! Song et al.: *ApolloCar3D: A Large 3D Car Instance Understanding Benchmark for Autonomous Driving*, CVPR 2019; the
+//! Song et al.: *`ApolloCar3D`: A Large 3D Car Instance Understanding Benchmark for Autonomous Driving*, CVPR 2019; the
 //! arithmetic is that of the evaluator in the `dataset-api`. A result is right under a criterion if its shape, its
 //! translation and its rotation are near enough at once; ten criteria go from loose to strict. `Abs` measures
 //! translation in metres, `Rel` as a share of the truth's distance from the camera.

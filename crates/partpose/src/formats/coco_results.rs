@@ -46,7 +46,7 @@ mod tests {
     fn the_first_pixel_begins_at_zero_in_coco() {
         let found = coco_results(&[(7, posed())]);
         assert_eq!((found.len(), found[0].image_id), (2, 7));
-        assert_eq!(found[0].bbox, [10.5, 20.5, 100.5, 60.25]);
+        assert_eq!(found[0].bbox.to_vec(), [10.5, 20.5, 100.5, 60.25]);
         let text = serde_json::to_string(&found).unwrap();
         assert_eq!(serde_json::from_str::<Vec<CocoDetection>>(&text).unwrap(), found);
     }

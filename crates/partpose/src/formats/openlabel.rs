@@ -80,7 +80,7 @@ pub fn openlabel_cuboids(file: &Value) -> Vec<(usize, String, Cuboid)> {
             found.extend(read.map(|cuboid| (number, id.clone(), cuboid)));
         }
     }
-    found.sort_by(|a, b| (a.0, a.1.parse::<usize>().ok()).cmp(&(b.0, b.1.parse::<usize>().ok())));
+    found.sort_by_key(|(frame, id, _)| (*frame, id.parse::<usize>().ok()));
     found
 }
 

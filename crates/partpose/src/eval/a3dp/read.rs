@@ -25,7 +25,8 @@ pub struct A3dpFiles {
 
 #[derive(Deserialize)]
 struct Car {
-    car_id: usize,
+    #[serde(rename = "car_id")]
+    model: usize,
     pose: [f64; 6],
     area: f64,
     score: Option<f64>,
@@ -71,8 +72,8 @@ pub fn parse_a3dp(
         .map_err(|source| InputError::Json { path: path.to_owned(), source })?;
     let check = |(index, car): (usize, Car)| {
         let wrong = |reason: String| InputError::entry(path, format!("car {index}"), reason);
-        if car.car_id >= models {
-            let id = car.car_id;
+        if car.model >= models {
+            let id = car.model;
             return Err(wrong(format!("has the `car_id` {id}, but there are {models} models")));
         }
         if car.pose.iter().any(|value| value.abs() > ABSURD) {
@@ -83,7 +84,7 @@ pub fn parse_a3dp(
         }
         let [roll, pitch, yaw, x, y, z] = car.pose;
         Ok(A3dpCar {
-            model: car.car_id,
+            model: car.model,
             rotation: [roll, pitch, yaw],
             translation: [x, y, z],
             area: car.area,
@@ -133,7 +134,7 @@ mod tests {
 
     #[test]
     fn cars_are_read_and_bad_ones_named() {
-        assert_eq!(parse(CARS).unwrap()[0].translation, [1.0, 2.0, 9.0]);
+        assert_eq!(parse(CARS).unwrap()[0].translation.to_vec(), [1.0, 2.0, 9.0]);
         assert_eq!(
             parse(&CARS.replace("\"car_id\": 1", "\"car_id\": 2")).unwrap_err(),
             "`a.json`: car 0 has the `car_id` 2, but there are 2 models"

@@ -162,7 +162,9 @@ fn scene(id: u32, folder: &Path) -> Result<Vec<BopImage>, InputError> {
 /// Replaces the targets of all images by those of a list.
 fn set_targets(images: &mut [BopImage], path: &Path) -> Result<(), InputError> {
     let records: Vec<TargetRecord> = read_json(path)?;
-    images.iter_mut().for_each(|image| image.targets.clear());
+    for image in images.iter_mut() {
+        image.targets.clear();
+    }
     let index: BTreeMap<(u32, u32), usize> =
         images.iter().enumerate().map(|(i, image)| ((image.scene, image.image), i)).collect();
     for record in records {

@@ -78,8 +78,9 @@ fn changes(outline: &[[i64; 2]], [width, height]: [u32; 2]) -> Vec<u32> {
             continue;
         }
         let x = if x1 < x0 { x1 } else { x1 - 1 };
+        // Whole only in the middle of a pixel's five cells.
         let x = (x as f64 + 0.5) / SCALE - 0.5;
-        if x.floor() != x || x < 0.0 || x > f64::from(width) - 1.0 {
+        if x.fract() != 0.0 || x < 0.0 || x > f64::from(width) - 1.0 {
             continue;
         }
         let y = (y0.min(y1) as f64 + 0.5) / SCALE - 0.5;

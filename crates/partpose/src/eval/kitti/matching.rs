@@ -122,7 +122,7 @@ impl TaskFrame<'_> {
                     if *role == Role::Counted && self.detections[d] == Role::Counted {
                         sum.true_positives += 1;
                         let (label, found) = (&self.frame.labels[l], &self.frame.detections[d]);
-                        sum.similarity += (1.0 + (label.alpha - found.alpha).cos()) / 2.0;
+                        sum.similarity += 0.5 * (1.0 + (label.alpha - found.alpha).cos());
                     }
                 }
             }
