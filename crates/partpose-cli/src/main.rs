@@ -34,6 +34,8 @@ enum Command {
     Synth(commands::synth::Arguments),
     /// Turn anybody's detections into poses
     Fit(commands::fit::Arguments),
+    /// Write the results of `fit` in other programs' formats
+    Export(commands::export::Arguments),
     /// Score poses and solvers against ground truth
     #[command(subcommand)]
     Evaluate(commands::evaluate::Command),
@@ -47,6 +49,7 @@ fn main() -> ExitCode {
         Command::Label(arguments) => commands::label::run(&arguments),
         Command::Synth(arguments) => commands::synth::run(&arguments),
         Command::Fit(arguments) => commands::fit::run(&arguments),
+        Command::Export(arguments) => commands::export::run(&arguments),
         Command::Evaluate(command) => commands::evaluate::run(&command),
     };
     report::exit_code(outcome)

@@ -1,12 +1,19 @@
-//! Scores with the paper's definitions.
+//! Scores with the paper's definitions, and with those of the public benchmarks.
 
+pub mod a3dp;
+pub mod bop;
+pub mod coco;
+pub mod kitti;
 pub mod pnp;
 
+mod input;
 mod poses;
+pub mod ranking;
 mod run;
 mod table;
 mod tables;
 
+pub use input::{InputError, files_with_ending};
 pub use poses::{PoseDeviation, PoseScores, Scored, pose_deviation, summarize};
 pub use run::{
     Configuration, EvaluationOptions, FrameOutcome, Progress, TruthExtent, VehicleOutcome,

@@ -1,10 +1,19 @@
 //! What other programs write for us and read from us; described in `docs/formats.md`.
 
+pub mod bop;
 pub mod coco;
+mod coco_results;
 mod detections;
 mod kitti;
+pub mod nuscenes;
+mod openlabel;
+mod read_results;
 mod results;
+mod upright;
 
+pub use coco_results::{CocoDetection, coco_results};
 pub use detections::{DetectionFile, DetectionFileError, read_detections, write_detections};
 pub use kitti::{KittiRow, kitti_text};
+pub use openlabel::{openlabel, openlabel_cuboids};
+pub use read_results::{PosedImage, PosedVehicle, ResultFileError, parse_result, read_result};
 pub use results::{ImageResult, ResultSettings, VehicleResult, image_result};

@@ -1,0 +1,217 @@
+//! The JSON results of `fit`, read back for other programs' formats.
+
+use std::path::Path;
+
+use nalgebra::{Matrix3, UnitQuaternion};
+use serde::Deserialize;
+
+use crate::files::{self, FileError};
+use crate::geometry::{Camera, Cuboid, Extent, Pose, Rect, Rotation3, Vector3};
+
+/// How far a matrix may be from a rotation.
+const ROTATION_TOLERANCE: f64 = 1e-3;
+/// Largest magnitude of a coordinate, metres or pixels.
+const ABSURD: f64 = 1e6;
+
+/// Why a file is no result of `fit`.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ResultFileError {
+    /// The file could not be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// Not JSON, or JSON of another shape.
+    #[error("`{path}` is not a result of `partpose fit`")]
+    Json {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What the parser says, with its place.
+        source: serde_json::Error,
+    },
+    /// A vehicle that makes no sense.
+    #[error("`{path}`: vehicle {index} has a {what} that makes no sense")]
+    Vehicle {
+        /// The file.
+        path: std::path::PathBuf,
+        /// Counted from 0.
+        index: usize,
+        /// What is wrong.
+        what: &'static str,
+    },
+}
+
+/// The vehicles with a pose of one image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PosedImage {
+    /// Name of the image.
+    pub image: String,
+    /// The camera that the poses refer to.
+    pub camera: Camera,
+    /// In the order of the file; those without pose are left out.
+    pub vehicles: Vec<PosedVehicle>,
+}
+
+/// A vehicle with a pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PosedVehicle {
+    /// Name of its model.
+    pub model: String,
+    /// What it is: `Car`, `Van`, `Truck`.
+    pub category: String,
+    /// The detection's box, pixel centres at integers.
+    pub bounds: Rect,
+    /// The more certain the higher.
+    pub score: f64,
+    /// Pose and extent.
+    pub cuboid: Cuboid,
+}
+
+#[derive(Deserialize)]
+struct ImageRecord {
+    image: String,
+    camera: Camera,
+    vehicles: Vec<VehicleRecord>,
+}
+
+#[derive(Deserialize)]
+struct VehicleRecord {
+    bounds: [f64; 4],
+    score: f64,
+    pose: Option<PoseRecord>,
+}
+
+#[derive(Deserialize)]
+struct PoseRecord {
+    model: String,
+    translation: [f64; 3],
+    rotation: [[f64; 3]; 3],
+    extent: Extent,
+}
+
+/// Reads the result of one image; `category` gives the category of a model by its name.
+pub fn read_result(
+    path: &Path,
+    category: &dyn Fn(&str) -> String,
+) -> Result<PosedImage, ResultFileError> {
+    parse_result(path, &files::read(path)?, category)
+}
+
+/// The same from the file's bytes; `path` is for messages only.
+pub fn parse_result(
+    path: &Path,
+    bytes: &[u8],
+    category: &dyn Fn(&str) -> String,
+) -> Result<PosedImage, ResultFileError> {
+    let record: ImageRecord = serde_json::from_slice(bytes)
+        .map_err(|source| ResultFileError::Json { path: path.to_owned(), source })?;
+    let mut vehicles = Vec::new();
+    for (index, vehicle) in record.vehicles.into_iter().enumerate() {
+        let wrong = |what| ResultFileError::Vehicle { path: path.to_owned(), index, what };
+        let Some(pose) = vehicle.pose else { continue };
+        let sensible = |values: &[f64]| values.iter().all(|value| value.abs() <= ABSURD);
+        if !sensible(&vehicle.bounds) {
+            return Err(wrong("box"));
+        }
+        if !sensible(&pose.translation) {
+            return Err(wrong("translation"));
+        }
+        if !pose.extent.is_valid() {
+            return Err(wrong("extent"));
+        }
+        let [a, b, c] = pose.rotation;
+        let matrix = Matrix3::from_row_slice(&[a, b, c].concat());
+        let miss = (matrix * matrix.transpose() - Matrix3::identity()).abs().max();
+        if !(miss <= ROTATION_TOLERANCE) || matrix.determinant() < 0.0 {
+            return Err(wrong("rotation"));
+        }
+        let rotation =
+            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
+        let place = Vector3::from(pose.translation);
+        let [left, top, right, bottom] = vehicle.bounds;
+        vehicles.push(PosedVehicle {
+            category: category(&pose.model),
+            model: pose.model,
+            bounds: Rect::new(left, top, right, bottom),
+            score: vehicle.score,
+            cuboid: Cuboid {
+                camera_from_vehicle: Pose::from_parts(place.into(), rotation),
+                extent: pose.extent,
+            },
+        });
+    }
+    Ok(PosedImage { image: record.image, camera: record.camera, vehicles })
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::geometry::EulerAngles;
+
+    /// An image with two vehicles that no two axes are alike in.
+    pub(crate) fn posed() -> PosedImage {
+        let vehicle = |x: f64, yaw: f64, score: f64| {
+            let rotation = EulerAngles { x: 0.05, y: yaw, z: -0.02 }.to_rotation();
+            let rotation = UnitQuaternion::from_rotation_matrix(&rotation);
+            PosedVehicle {
+                model: "sedan".to_owned(),
+                category: "Car".to_owned(),
+                bounds: Rect::new(10.0, 20.0, 110.5, 80.25),
+                score,
+                cuboid: Cuboid {
+                    camera_from_vehicle: Pose::from_parts(
+                        Vector3::new(x, 1.5, 14.0).into(),
+                        rotation,
+                    ),
+                    extent: Extent::new(1.8, 1.5, 4.4),
+                },
+            }
+        };
+        PosedImage {
+            image: "frames/0007.png".to_owned(),
+            camera: Camera::pinhole(700.0, [600.0, 180.0], [1242, 375]),
+            vehicles: vec![vehicle(-2.0, 0.3, 0.9), vehicle(3.0, -2.0, 0.5)],
+        }
+    }
+
+    const JSON: &str = r#"{"image": "a.png", "settings": {},
+        "camera": {"focal": [700, 700], "principal_point": [600, 180], "size": [1242, 375]},
+        "vehicles": [{"bounds": [1, 2, 30, 40], "score": 0.5, "no_pose": "too few points"},
+          {"bounds": [1, 2, 30, 40], "score": 0.7, "pose": {"model": "van", "translation": [1, 2, 9],
+           "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "extent": {"width": 1.8, "height": 1.5, "length": 4.4}}}]}"#;
+
+    fn parse(text: &str) -> Result<PosedImage, String> {
+        let category = |model: &str| if model == "van" { "Van" } else { "Car" }.to_owned();
+        parse_result(Path::new("a.json"), text.as_bytes(), &category).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn vehicles_without_pose_are_left_out() {
+        let image = parse(JSON).unwrap();
+        assert_eq!((image.vehicles.len(), image.vehicles[0].category.as_str()), (1, "Van"));
+    }
+
+    #[test]
+    fn a_vehicle_that_makes_no_sense_is_named() {
+        for (from, to, what) in [
+            ("[0, 1, 0]", "[0, 2, 0]", "rotation"),
+            ("\"width\": 1.8", "\"width\": -1", "extent"),
+            ("[1, 2, 9]", "[1, 2, 9e99]", "translation"),
+        ] {
+            let said = parse(&JSON.replace(from, to)).unwrap_err();
+            assert_eq!(said, format!("`a.json`: vehicle 1 has a {what} that makes no sense"));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn damaged_json_is_read_or_refused(at in 0usize..500, byte in any::<u8>(), cut in 0usize..600) {
+            let mut bytes = JSON.as_bytes().to_vec();
+            let at = at % bytes.len();
+            bytes[at] = byte;
+            bytes.truncate(cut);
+            let _ = parse_result(Path::new("a.json"), &bytes, &|_| String::new());
+        }
+    }
+}
