@@ -9,7 +9,8 @@ pub(crate) struct PoseFlags {
     /// How kernels become masks
     #[arg(long, value_enum, default_value = "bilinear")]
     scaling: ScalingFlag,
-    /// Solver
+    /// How poses are found: with a solver for the centres of parts, or densely, from every probability of the mask,
+    /// where the flags of centres, scaling and filters have no say
     #[arg(long, value_enum, default_value = "epnp")]
     fit: FitFlag,
     /// Refine with Levenberg-Marquardt, robust and weighted by each part's spread
@@ -47,6 +48,7 @@ enum FitFlag {
     Epnp,
     Sqpnp,
     Ransac,
+    Dense,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -115,6 +117,7 @@ impl PoseFlags {
                 FitFlag::Epnp => PnpMethod::Epnp,
                 FitFlag::Sqpnp => PnpMethod::Sqpnp,
                 FitFlag::Ransac => PnpMethod::Ransac,
+                FitFlag::Dense => PnpMethod::Dense,
             },
             refine: self.refine,
             seed: self.seed,

@@ -5,10 +5,12 @@ mod glb;
 mod glb_read;
 mod glb_schema;
 mod glb_write;
+pub(crate) mod half;
 pub mod import;
 mod mesh;
 mod model;
 mod parametric;
+pub(crate) mod simplify;
 mod zoo;
 
 pub use glb::{GlbError, MAX_COORDINATE, MAX_FACES, MAX_SIDE, MIN_SIDE, PrimitiveFault};

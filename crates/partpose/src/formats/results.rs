@@ -61,8 +61,9 @@ pub struct PoseResult {
     pub euler_angles: EulerAngles,
     /// Size in metres.
     pub extent: Extent,
-    /// Root mean square reprojection error, pixels.
-    pub reprojection_rmse: f64,
+    /// Root mean square reprojection error, pixels; not there with the dense fit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reprojection_rmse: Option<f64>,
     /// Another pose that explains the same points nearly as well: nearly flat parts leave two.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alternative: Option<AlternativeResult>,

@@ -150,7 +150,8 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
         match (&row.outcome.estimate, &row.outcome.scored) {
             (Ok(estimate), Some(d)) => {
                 cells.push(estimate.model.clone());
-                cells.push(format!("{:.3}", estimate.reprojection_rmse));
+                let rmse = estimate.reprojection_rmse;
+                cells.push(rmse.map_or(String::new(), |rmse| format!("{rmse:.3}")));
                 let numbers = std::iter::once(d.iou3d).chain(d.translation).chain(d.rotation);
                 cells.extend(numbers.map(|value| format!("{value:.4}")));
                 cells.push(String::new());
