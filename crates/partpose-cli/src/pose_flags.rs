@@ -2,6 +2,7 @@
 
 use clap::ValueEnum;
 use partpose::parts::Scaling;
+use partpose::pose::dense::DenseOptions;
 use partpose::pose::{Center2d, Center3d, DEFAULT_SMALL_PART, PartFilters, PnpMethod, PoseOptions};
 
 #[derive(clap::Args, Clone, Debug)]
@@ -121,6 +122,7 @@ impl PoseFlags {
             },
             refine: self.refine,
             seed: self.seed,
+            dense: DenseOptions::default(),
         }
     }
 }

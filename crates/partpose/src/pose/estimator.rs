@@ -9,7 +9,7 @@ use crate::pnp::PnpError;
 use crate::render::LabelRenderer;
 use crate::vehicle::{Mesh, ModelZoo};
 
-use super::dense::{DenseFit, DensePriors, DenseReport, DenseZoo, SizePrior};
+use super::dense::{DenseFit, DenseOptions, DensePriors, DenseReport, DenseZoo, SizePrior};
 use super::fit::{self, Fit, Problem};
 use super::visible::{self, View, Viewpoint};
 use super::{Center2d, Center3d, PartFilters, model_centers, part_evidence};
@@ -58,6 +58,8 @@ pub struct PoseOptions {
     pub refine: bool,
     /// Seed of whatever is random (only RANSAC with many points is).
     pub seed: u64,
+    /// What the dense fit supposes; of no account to the others.
+    pub dense: DenseOptions,
 }
 
 impl Default for PoseOptions {
@@ -70,6 +72,7 @@ impl Default for PoseOptions {
             method: PnpMethod::Epnp,
             refine: false,
             seed: 0,
+            dense: DenseOptions::default(),
         }
     }
 }
@@ -238,7 +241,7 @@ impl PoseEstimator {
                 Center3d::Mass | Center3d::Cuboid => Vec::new(),
             },
         };
-        let dense = (options.method == PnpMethod::Dense).then(|| DenseZoo::new(zoo));
+        let dense = (options.method == PnpMethod::Dense).then(|| DenseZoo::new(zoo, &options.dense));
         Self { options: *options, models: zoo.models.iter().map(entry).collect(), dense }
     }
 

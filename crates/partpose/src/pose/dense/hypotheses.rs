@@ -6,7 +6,9 @@
 
 use nalgebra::{Matrix3, UnitQuaternion};
 
-use crate::geometry::{Camera, Point2, Vector3};
+use crate::geometry::{Camera, Point2, Point3, Vector3};
+use crate::parts::{CHANNELS, PartMap};
+use crate::pnp::{self, Correspondence, RefineOptions};
 
 use super::priors::across;
 use super::state::State;
@@ -97,7 +99,7 @@ impl Outline {
         let mut center =
             Vector3::new(0.5 * (left + right), 0.5 * (top + bottom), 1.0) * supposed.max(2.0);
         for _ in 0..ROUNDS {
-            let reach = extremes(&arms, &center);
+            let reach = self.extremes(&arms, &center);
             let mut hessian = Matrix3::zeros();
             let mut gradient = Vector3::zeros();
             let mut add = |row: Vector3, value: f64, weight: f64| {
@@ -123,33 +125,112 @@ impl Outline {
         let state = State { rotation: *rotation, center, half: *half };
         state.is_usable().then_some(state)
     }
-}
 
-/// The offsets that appear farthest left, up, right and down.
-fn extremes(arms: &[Vector3], center: &Vector3) -> [Vector3; 4] {
-    let mut best = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-    let mut found = [Vector3::zeros(); 4];
-    for arm in arms {
-        let p = center + arm;
-        let inverse = 1.0 / p.z.max(0.1);
-        let (x, y) = (p.x * inverse, p.y * inverse);
-        for (side, value, less) in [(0, x, true), (1, y, true), (2, x, false), (3, y, false)] {
-            if (less && value < best[side]) || (!less && value > best[side]) {
-                best[side] = value;
-                found[side] = *arm;
+    /// The offsets that appear farthest left, up, right and down; what lies beyond an edge that is not trusted cannot
+    /// be seen, and is no end of the others.
+    fn extremes(&self, arms: &[Vector3], center: &Vector3) -> [Vector3; 4] {
+        let infinity = f64::INFINITY;
+        let mut best = [infinity, infinity, -infinity, -infinity];
+        let mut found = [Vector3::zeros(); 4];
+        let open: [f64; 4] = std::array::from_fn(|side| match (self.trusted[side], side < 2) {
+            (false, _) => self.edges[side],
+            (true, true) => -infinity,
+            (true, false) => infinity,
+        });
+        for arm in arms {
+            let p = center + arm;
+            let inverse = 1.0 / p.z.max(0.1);
+            let (x, y) = (p.x * inverse, p.y * inverse);
+            let in_columns = x >= open[0] && x <= open[2];
+            let in_rows = y >= open[1] && y <= open[3];
+            for (side, value, counts) in
+                [(0, -x, in_rows), (1, -y, in_columns), (2, x, in_rows), (3, y, in_columns)]
+            {
+                let better = if side < 2 { -value < best[side] } else { value > best[side] };
+                if counts && better {
+                    best[side] = if side < 2 { -value } else { value };
+                    found[side] = *arm;
+                }
             }
         }
+        found
     }
-    found
+}
+
+/// Cells of the kernel that a part must fill to have a centre.
+const LEAST_PART: f32 = 1.5;
+/// Share of a part that may lie next to the unseen.
+const MOST_CUT: f32 = 0.2;
+
+/// The poses that centres of parts tell of: the best of [`pnp::solve`] and its other mode.
+///
+/// Centres lie: of a part that is seen in part, or at a slant. Far from the image's middle and near the camera they
+/// are still a better start than the outline.
+pub(super) fn from_centers(
+    target: &Target,
+    camera: &Camera,
+    centers: &PartMap<Point3>,
+    half: &Vector3,
+) -> Vec<State> {
+    let m = target.cells;
+    let mut sums = [[0.0f32; 4]; CHANNELS];
+    for cell in 0..m * m {
+        let weight = target.weights[cell];
+        if weight == 0.0 {
+            continue;
+        }
+        let (x, y) = (cell % m, cell / m);
+        let unseen = |dx: isize, dy: isize| {
+            let (x, y) = (x as isize + dx, y as isize + dy);
+            let inside = (0..m as isize).contains(&x) && (0..m as isize).contains(&y);
+            inside && target.weights[y as usize * m + x as usize] == 0.0
+        };
+        let is_cut = [(-1, 0), (1, 0), (0, -1), (0, 1)].iter().any(|(dx, dy)| unseen(*dx, *dy))
+            || target.is_at_border(camera, x, y);
+        for (sum, q) in sums.iter_mut().zip(&target.probabilities[cell]) {
+            let share = weight * q;
+            sum[0] += share;
+            sum[1] += share * x as f32;
+            sum[2] += share * y as f32;
+            sum[3] += if is_cut { share } else { 0.0 };
+        }
+    }
+    let cell = [target.bounds.width() / m as f64, target.bounds.height() / m as f64];
+    let pairs: Vec<Correspondence> = centers
+        .iter()
+        .filter_map(|(class, center)| {
+            let [mass, x, y, cut] = sums[usize::from(class.id())];
+            if !(mass >= LEAST_PART) || cut > MOST_CUT * mass {
+                return None;
+            }
+            let pixel = Point2::new(
+                target.bounds.x_min + (f64::from(x / mass) + 0.5) * cell[0],
+                target.bounds.y_min + (f64::from(y / mass) + 0.5) * cell[1],
+            );
+            let point = Point3::from(center.coords.component_mul(half));
+            Some(Correspondence { point_in_image: pixel, point_in_object: point })
+        })
+        .collect();
+    let sigma = 0.03 * (target.bounds.width() + target.bounds.height());
+    let options = RefineOptions { sigma, max_iterations: 10, ..Default::default() };
+    let Ok(solution) = pnp::solve(&pairs, camera, &options) else { return Vec::new() };
+    let modes = [Some(solution.best), solution.second].into_iter().flatten();
+    modes
+        .map(|mode| State {
+            rotation: mode.refinement.pose.rotation,
+            center: mode.refinement.pose.translation.vector,
+            half: *half,
+        })
+        .filter(State::is_usable)
+        .collect()
 }
 
 /// The rotation of an upright vehicle with a heading: 0 looks the camera's way.
 pub(super) fn upright(down: &Vector3, heading: f64) -> UnitQuaternion<f64> {
-    let [a, b] = across(down);
+    let [a, _] = across(down);
     // A forward axis that is as near to the camera's as uprightness lets it be.
     let ahead = (Vector3::z() - down * down.z).try_normalize(1e-6).unwrap_or(a);
     let right = down.cross(&ahead);
-    let _ = b;
     let forward = ahead * heading.cos() + right * heading.sin();
     let side = down.cross(&forward);
     let matrix = Matrix3::from_columns(&[side, *down, forward]);

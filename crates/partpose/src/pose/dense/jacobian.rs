@@ -22,12 +22,6 @@ pub(super) struct NormalEquations {
     pub(super) gradient: SVector<f64, PARAMETERS>,
 }
 
-impl NormalEquations {
-    pub(super) fn zero() -> Self {
-        Self { hessian: SMatrix::zeros(), gradient: SVector::zeros() }
-    }
-}
-
 /// One label's derivative in one cell.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slope {

@@ -2,8 +2,7 @@
 
 use nalgebra::SVector;
 
-use crate::geometry::Camera;
-
+use super::bias::SampleGrid;
 use super::energy::data_energy;
 use super::jacobian::{Flux, NormalEquations};
 use super::priors::Terms;
@@ -28,8 +27,7 @@ const ASKED_AFTER: usize = 3;
 pub(super) struct View<'a> {
     pub(super) target: &'a Target,
     pub(super) mesh: &'a UnitMesh,
-    /// The camera of the samples.
-    pub(super) camera: &'a Camera,
+    pub(super) grid: &'a SampleGrid,
     pub(super) terms: &'a Terms,
 }
 
@@ -61,8 +59,8 @@ pub(super) struct Workspace {
 impl Workspace {
     /// Draws a state and compares it.
     pub(super) fn score(&mut self, view: &View, state: &State) -> Scored {
-        let samples = view.camera.size[0] as usize;
-        self.raster.draw(view.mesh, &state.projection(view.camera), samples);
+        let samples = view.grid.camera.size[0] as usize;
+        self.raster.draw(view.mesh, &state.projection(view.grid), samples);
         self.pictures += 1;
         let data = data_energy(view.target, &self.raster);
         Scored { state: *state, data, energy: data + view.terms.energy(state) }
@@ -71,7 +69,7 @@ impl Workspace {
     /// Normal equations of the state that was scored last.
     pub(super) fn equations(&mut self, view: &View, state: &State) -> NormalEquations {
         let count = view.terms.count();
-        self.flux.collect(view.target, &self.raster, view.camera, state, count);
+        self.flux.collect(view.target, &self.raster, &view.grid.camera, state, count);
         let mut equations = self.flux.normal_equations(view.target, &self.raster, count);
         view.terms.add(state, &mut equations);
         equations

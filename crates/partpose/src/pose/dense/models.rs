@@ -2,14 +2,18 @@
 
 use std::f64::consts::TAU;
 
-use crate::geometry::{Camera, Extent, Vector3};
+use crate::geometry::{Camera, Extent, Point3, Vector3};
+use crate::parts::PartMap;
+use crate::pose::{Center3d, model_centers};
 use crate::vehicle::VehicleModel;
 use crate::vehicle::simplify::simplify_mesh;
 
-use super::hypotheses::{HEADINGS, Outline, upright};
+use super::bias::{MaskBias, SampleGrid};
+use super::hypotheses::{HEADINGS, Outline, from_centers, upright};
 use super::lm::{Descent, Scored, View, Workspace};
 use super::priors::Terms;
 use super::raster::UnitMesh;
+use super::state::State;
 use super::target::Target;
 
 /// One resolution of the search.
@@ -39,6 +43,8 @@ pub(super) struct DenseModel {
     meshes: [UnitMesh; 3],
     /// Vertices of the coarsest mesh, half-extent units.
     vertices: Vec<Vector3>,
+    /// Centres of the parts, half-extent units.
+    centers: PartMap<Point3>,
 }
 
 impl DenseModel {
@@ -52,7 +58,11 @@ impl DenseModel {
         };
         let meshes = LEVELS.each_ref().map(mesh);
         let vertices = meshes[0].vertices().collect();
-        Self { extent, meshes, vertices }
+        let side = extent.to_vector() * 0.5;
+        let up = Vector3::new(0.0, side.y, 0.0);
+        let centers = model_centers(model, Center3d::Mass)
+            .map(|_, center| Point3::from((center.coords + up).component_div(&side)));
+        Self { extent, meshes, vertices, centers }
     }
 }
 
@@ -60,129 +70,182 @@ impl DenseModel {
 #[derive(Clone, Debug)]
 pub(super) struct Pyramid {
     pub(super) targets: [Target; 3],
-    pub(super) cameras: [Camera; 3],
+    pub(super) grids: [SampleGrid; 3],
+    /// The camera of the image.
+    pub(super) camera: Camera,
 }
 
 impl Pyramid {
-    pub(super) fn new(target: &Target, camera: &Camera) -> Self {
+    pub(super) fn new(target: &Target, camera: &Camera, bias: Option<MaskBias>) -> Self {
         let pooled = |level: &Level| {
             if target.cells <= level.cells { target.clone() } else { target.pooled(level.cells) }
         };
         let targets = LEVELS.each_ref().map(pooled);
-        let cameras = std::array::from_fn(|i| {
+        let grids = std::array::from_fn(|i| {
             let target = &targets[i];
             let per_cell = LEVELS[i].samples.div_ceil(target.cells).max(1);
-            target.camera(camera, per_cell * target.cells)
+            target.grid(camera, per_cell * target.cells, bias)
         });
-        Self { targets, cameras }
+        Self { targets, grids, camera: *camera }
     }
 
-    pub(super) fn view<'a>(
-        &'a self,
-        level: usize,
-        model: &'a DenseModel,
-        terms: &'a Terms,
-    ) -> View<'a> {
+    pub(super) fn view<'a>(&'a self, level: usize, candidate: &'a Candidate) -> View<'a> {
         View {
             target: &self.targets[level],
-            mesh: &model.meshes[level],
-            camera: &self.cameras[level],
-            terms,
+            mesh: &candidate.model.meshes[level],
+            grid: &self.grids[level],
+            terms: &candidate.terms,
         }
     }
 }
 
-/// A pose of one model.
+/// A pose of one model, at the finest level that it reached.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hypothesis {
     pub(super) model: usize,
     pub(super) scored: Scored,
+    pub(super) level: usize,
     pub(super) converged: bool,
 }
 
+/// A model with the size and the priors that it is fitted with.
+#[derive(Clone, Copy)]
+pub(super) struct Candidate<'a> {
+    pub(super) model: &'a DenseModel,
+    pub(super) half: Vector3,
+    pub(super) terms: Terms,
+}
+
+/// How widely is searched.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Search {
+    /// Models of which every heading is tried; the others start where those do.
+    pub(super) scouts: usize,
+    /// Headings of each model that are followed.
+    pub(super) headings: usize,
+    /// Hypotheses that reach the middle and the fine level.
+    pub(super) keep: [usize; 2],
+    /// A hypothesis whose energy is more than this many times the best's goes no further.
+    pub(super) hopeless: f64,
+}
+
+/// What is searched usually.
+pub(super) const NARROW: Search = Search { scouts: 4, headings: 2, keep: [4, 2], hopeless: 1.25 };
+/// What is searched where that finds nothing good: cut and hidden vehicles, mostly.
+pub(super) const WIDE: Search = Search { scouts: 64, headings: 6, keep: [16, 4], hopeless: 1.6 };
+
+/// Angle between rotations below which two hypotheses of a model are one, radians.
+pub(super) const NEIGHBOURS: f64 = 0.5;
+
+/// Every hypothesis that was followed, the finest first, the best first among equally fine ones.
+pub(super) fn search(
+    work: &mut Workspace,
+    pyramid: &Pyramid,
+    outline: &Outline,
+    candidates: &[Candidate],
+    search: &Search,
+) -> Vec<Hypothesis> {
+    let mut done: Vec<Hypothesis> = Vec::new();
+    let mut pool: Vec<Hypothesis> = Vec::new();
+    // Where the scouts' headings led: starts for all others.
+    let mut common: Vec<State> = Vec::new();
+    for (index, candidate) in candidates.iter().enumerate() {
+        let view = pyramid.view(0, candidate);
+        let scored = if index < search.scouts {
+            headings(work, pyramid, outline, candidate)
+        } else {
+            let start = |state: &State| State { half: candidate.half, ..*state };
+            common.iter().map(|state| work.score(&view, &start(state))).collect()
+        };
+        let starts = distinct(scored, search.headings);
+        for start in starts {
+            let descent = work.descend(&view, &start.state, LEVELS[0].iterations);
+            if index < search.scouts {
+                common.push(descent.end.state);
+            }
+            pool.push(Hypothesis::new(index, 0, &descent));
+        }
+    }
+    for level in 1..LEVELS.len() {
+        sort(&mut pool);
+        let best = pool.first().map_or(0.0, |h| h.scored.energy);
+        let mut next: Vec<Hypothesis> = Vec::new();
+        for hypothesis in &pool {
+            let same = |other: &Hypothesis| hypothesis.repeats(other);
+            let is_hopeful = hypothesis.scored.energy <= search.hopeless * best;
+            if next.len() < search.keep[level - 1] && is_hopeful && !next.iter().any(same) {
+                next.push(*hypothesis);
+            }
+        }
+        done.append(&mut pool);
+        for hypothesis in next {
+            let view = pyramid.view(level, &candidates[hypothesis.model]);
+            let start = hypothesis.scored.state;
+            let descent = work.descend(&view, &start, LEVELS[level].iterations);
+            pool.push(Hypothesis::new(hypothesis.model, level, &descent));
+        }
+    }
+    done.append(&mut pool);
+    sort(&mut done);
+    done
+}
+
 impl Hypothesis {
-    fn new(model: usize, descent: &Descent) -> Self {
-        Self { model, scored: descent.end, converged: descent.converged }
+    fn new(model: usize, level: usize, descent: &Descent) -> Self {
+        Self { model, scored: descent.end, level, converged: descent.converged }
+    }
+
+    /// Whether it is the same model at about the same rotation.
+    fn repeats(&self, other: &Self) -> bool {
+        let (a, b) = (&self.scored.state, &other.scored.state);
+        self.model == other.model
+            && a.rotation.angle_to(&b.rotation) < 0.1
+            && (a.center - b.center).norm() < 0.05 * a.center.norm()
     }
 }
 
-/// Angle between headings below which two hypotheses are one, radians.
-const NEIGHBOURS: f64 = 0.5;
+/// The finest first, then the best.
+pub(super) fn sort(hypotheses: &mut [Hypothesis]) {
+    hypotheses.sort_by(|a, b| {
+        b.level.cmp(&a.level).then(a.scored.energy.total_cmp(&b.scored.energy))
+    });
+}
 
-/// The best headings of one model, drawn coarsely; none is near a better one.
-pub(super) fn headings(
+/// Headings all around and what centres of parts say, drawn coarsely.
+fn headings(
     work: &mut Workspace,
+    pyramid: &Pyramid,
     outline: &Outline,
-    view: &View,
-    model: &DenseModel,
-    half: &Vector3,
-    keep: usize,
+    candidate: &Candidate,
 ) -> Vec<Scored> {
+    let (model, half) = (candidate.model, &candidate.half);
+    let view = pyramid.view(0, candidate);
     let down = view.terms.down();
-    let mut scored = Vec::with_capacity(2 * HEADINGS);
-    let depths: &[f64] = if outline.tells_distance() { &[1.0] } else { &[1.0, 0.7] };
+    let depths: &[f64] = if outline.tells_distance() { &[1.0] } else { &[1.0, 0.75, 0.55] };
+    let mut scored = Vec::with_capacity(HEADINGS * depths.len() + 2);
     for index in 0..HEADINGS {
         let rotation = upright(&down, index as f64 / HEADINGS as f64 * TAU);
         for nearer in depths {
             if let Some(state) = outline.place(&model.vertices, &rotation, half, *nearer) {
-                scored.push(work.score(view, &state));
+                scored.push(work.score(&view, &state));
             }
         }
     }
-    scored.sort_by(|a, b| a.energy.total_cmp(&b.energy));
-    distinct(&scored, keep)
+    for state in from_centers(&pyramid.targets[1], &pyramid.camera, &model.centers, half) {
+        scored.push(work.score(&view, &state));
+    }
+    scored
 }
 
-/// The first `keep` of a sorted list that differ in rotation.
-pub(super) fn distinct(sorted: &[Scored], keep: usize) -> Vec<Scored> {
+/// The best `keep` that differ in rotation.
+fn distinct(mut scored: Vec<Scored>, keep: usize) -> Vec<Scored> {
+    scored.sort_by(|a, b| a.energy.total_cmp(&b.energy));
     let mut kept: Vec<Scored> = Vec::new();
-    for one in sorted {
+    for one in &scored {
         let is_new = |other: &Scored| one.state.rotation.angle_to(&other.state.rotation) > NEIGHBOURS;
         if kept.len() < keep && kept.iter().all(is_new) {
             kept.push(*one);
         }
     }
     kept
-}
-
-/// How widely is searched.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Search {
-    /// Headings of each model that are followed.
-    pub(super) headings: usize,
-    /// Hypotheses that reach the middle level.
-    pub(super) middle: usize,
-    /// Hypotheses that reach the fine level.
-    pub(super) fine: usize,
-}
-
-/// Hypotheses at the fine level, the best first; every model's best energy at the finest level it reached.
-pub(super) fn search(
-    work: &mut Workspace,
-    pyramid: &Pyramid,
-    outline: &Outline,
-    models: &[(&DenseModel, Vector3, Terms)],
-    search: &Search,
-) -> Vec<Hypothesis> {
-    let mut pool: Vec<Hypothesis> = Vec::new();
-    for (index, (model, half, terms)) in models.iter().enumerate() {
-        let view = pyramid.view(0, model, terms);
-        for start in headings(work, outline, &view, model, half, search.headings) {
-            let descent = work.descend(&view, &start.state, LEVELS[0].iterations);
-            pool.push(Hypothesis::new(index, &descent));
-        }
-    }
-    for (level, keep) in [(1, search.middle), (2, search.fine)] {
-        pool.sort_by(|a, b| a.scored.energy.total_cmp(&b.scored.energy));
-        pool.truncate(keep);
-        for hypothesis in &mut pool {
-            let (model, _, terms) = &models[hypothesis.model];
-            let view = pyramid.view(level, model, terms);
-            let descent =
-                work.descend(&view, &hypothesis.scored.state, LEVELS[level].iterations);
-            *hypothesis = Hypothesis::new(hypothesis.model, &descent);
-        }
-    }
-    pool.sort_by(|a, b| a.scored.energy.total_cmp(&b.scored.energy));
-    pool
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector};
 
-use crate::geometry::{Camera, Extent, Vector3};
+use crate::geometry::{Extent, Vector3};
 
 use super::jacobian::NormalEquations;
 use super::state::{PARAMETERS, State};
@@ -140,6 +140,20 @@ impl Terms {
         0.5 * self.noise * (squares + ground + size)
     }
 
+    /// The largest difference of a side from the likely size, in standard deviations; 0 where the size is fixed.
+    pub(super) fn size_deviation(&self, state: &State) -> f64 {
+        self.size.map_or(0.0, |size| {
+            let away = state.half.map(f64::ln) - size.mean;
+            let covariance = size.information.try_inverse().unwrap_or_default();
+            (0..3).map(|i| away[i].abs() / covariance[(i, i)].sqrt()).fold(0.0, f64::max)
+        })
+    }
+
+    /// How far the bottom lies off the ground, in standard deviations; 0 where none is given.
+    pub(super) fn ground_deviation(&self, state: &State) -> f64 {
+        self.ground(state).map_or(0.0, |term| term.residual.abs())
+    }
+
     /// Adds derivatives, in units of the data term.
     pub(super) fn add(&self, state: &State, equations: &mut NormalEquations) {
         let noise = self.noise;
@@ -195,10 +209,4 @@ pub(super) fn across(axis: &Vector3) -> [Vector3; 2] {
     let helper = if axis.x.abs() < 0.5 { Vector3::x() } else { Vector3::z() };
     let a = (helper - axis * axis.dot(&helper)).normalize();
     [a, axis.cross(&a)]
-}
-
-/// How the camera looks on average: what a level vehicle's axes are measured against.
-pub(super) fn is_usable(camera: &Camera) -> bool {
-    let numbers = camera.focal.iter().chain(&camera.principal_point);
-    numbers.into_iter().all(|value| value.is_finite()) && camera.focal.iter().all(|f| *f > 0.0)
 }

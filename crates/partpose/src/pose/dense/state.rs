@@ -2,8 +2,9 @@
 
 use nalgebra::{Matrix3, UnitQuaternion};
 
-use crate::geometry::{Camera, Extent, Pose, Vector3};
+use crate::geometry::{Extent, Pose, Vector3};
 
+use super::bias::SampleGrid;
 use super::raster::Projection;
 
 /// Increments: a rotation vector in camera axes about the centre (radians), the centre to the right and down (metres),
@@ -21,16 +22,6 @@ pub(super) struct State {
 }
 
 impl State {
-    pub(super) fn from_pose(camera_from_vehicle: &Pose, extent: &Extent) -> Self {
-        let up = Vector3::new(0.0, -0.5 * extent.height, 0.0);
-        let center = camera_from_vehicle * nalgebra::Point3::from(up);
-        Self {
-            rotation: camera_from_vehicle.rotation,
-            center: center.coords,
-            half: extent.to_vector() * 0.5,
-        }
-    }
-
     /// The pose of the centre of the bottom face.
     pub(super) fn pose(&self) -> Pose {
         let bottom = self.center + self.rotation * Vector3::new(0.0, self.half.y, 0.0);
@@ -55,16 +46,27 @@ impl State {
         }
     }
 
-    /// The projection of half-extent units through a camera.
-    pub(super) fn projection(&self, camera: &Camera) -> Projection {
-        let [fx, fy] = camera.focal;
-        let [cx, cy] = camera.principal_point;
+    /// The projection of half-extent units to samples, with the outline where masks have it.
+    pub(super) fn projection(&self, grid: &SampleGrid) -> Projection {
+        let [fx, fy] = grid.camera.focal;
+        let [cx, cy] = grid.camera.principal_point;
         let image_from_camera = Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0);
         let rotation = self.rotation.to_rotation_matrix();
-        Projection {
+        let mut projection = Projection {
             matrix: image_from_camera * rotation.matrix() * Matrix3::from_diagonal(&self.half),
             offset: image_from_camera * self.center,
+        };
+        if let Some(bias) = &grid.bias {
+            bias.apply(&mut projection, grid, self.center.z);
         }
+        projection
+    }
+
+    /// Depth of the cuboid's nearest corner, metres.
+    pub(super) fn nearest(&self) -> f64 {
+        let rotation = self.rotation.to_rotation_matrix();
+        let reach = (0..3).map(|i| (rotation[(2, i)] * self.half[i]).abs()).sum::<f64>();
+        self.center.z - reach
     }
 
     /// Whether all numbers are finite and the centre lies at least a metre ahead.

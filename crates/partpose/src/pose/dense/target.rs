@@ -4,6 +4,8 @@ use crate::detection::Detection;
 use crate::geometry::{Camera, Rect};
 use crate::parts::CHANNELS;
 
+use super::bias::{MaskBias, SampleGrid};
+
 /// Channels of a cell rounded up, so that a cell is a whole number of vectors.
 pub(super) const LANES: usize = 32;
 /// Cells a side that energies are expressed in, whatever the kernel's own.
@@ -103,9 +105,21 @@ impl Target {
         cells.map(|(weight, cell)| f64::from(weight * (1.0 - cell[0]).max(0.0))).sum()
     }
 
-    /// The camera whose image is the box on `samples` samples a side.
-    pub(super) fn camera(&self, camera: &Camera, samples: usize) -> Camera {
-        camera.crop(&self.bounds, [samples as u32; 2])
+    /// Whether a cell lies at the border of the box where that is cut by the image.
+    pub(super) fn is_at_border(&self, camera: &Camera, x: usize, y: usize) -> bool {
+        let (image, bounds, last) = (camera.image_rect(), &self.bounds, self.cells - 1);
+        (x == 0 && bounds.x_min <= image.x_min + 1.0)
+            || (y == 0 && bounds.y_min <= image.y_min + 1.0)
+            || (x == last && bounds.x_max >= image.x_max - 1.0)
+            || (y == last && bounds.y_max >= image.y_max - 1.0)
+    }
+
+    /// The box on `samples` samples a side.
+    pub(super) fn grid(&self, camera: &Camera, samples: usize, bias: Option<MaskBias>) -> SampleGrid {
+        let camera = camera.crop(&self.bounds, [samples as u32; 2]);
+        let [width, height] = [self.bounds.width(), self.bounds.height()];
+        let per_pixel = [samples as f64 / width, samples as f64 / height];
+        SampleGrid { camera, per_pixel, bias }
     }
 }
 
