@@ -2,11 +2,13 @@
 
 pub mod pnp;
 
+mod mask_bias;
 mod poses;
 mod run;
 mod table;
 mod tables;
 
+pub use mask_bias::measure_mask_bias;
 pub use poses::{PoseDeviation, PoseScores, Scored, pose_deviation, summarize};
 pub use run::{
     Configuration, EvaluationOptions, FrameOutcome, Progress, TruthExtent, VehicleOutcome,

@@ -16,6 +16,8 @@ mod priors;
 mod raster;
 mod state;
 mod target;
+#[cfg(test)]
+mod tests;
 mod uncertainty;
 
 use serde::{Deserialize, Serialize};
@@ -167,11 +169,7 @@ impl DenseZoo {
         })
     }
 
-    fn candidates<'a>(
-        &'a self,
-        extent: &ExtentSource,
-        priors: &DensePriors,
-    ) -> Vec<Candidate<'a>> {
+    fn candidates<'a>(&'a self, extent: &ExtentSource, priors: &DensePriors) -> Vec<Candidate<'a>> {
         let priors = priors.usable();
         let candidate = |model: &'a DenseModel| {
             let own = &model.extent;

@@ -241,7 +241,8 @@ impl PoseEstimator {
                 Center3d::Mass | Center3d::Cuboid => Vec::new(),
             },
         };
-        let dense = (options.method == PnpMethod::Dense).then(|| DenseZoo::new(zoo, &options.dense));
+        let dense =
+            (options.method == PnpMethod::Dense).then(|| DenseZoo::new(zoo, &options.dense));
         Self { options: *options, models: zoo.models.iter().map(entry).collect(), dense }
     }
 

@@ -97,8 +97,7 @@ pub(crate) fn simplify(half: &HalfMesh, labels: &[u8], most: usize) -> (HalfMesh
 /// A mesh with at most `most` faces, where the rules of collapsing allow it; the mirror plane has no part in it.
 pub(crate) fn simplify_mesh(mesh: &Mesh, most: usize) -> Mesh {
     let on_plane = vec![false; mesh.vertices.len()];
-    let whole =
-        HalfMesh { vertices: mesh.vertices.clone(), on_plane, faces: mesh.faces.clone() };
+    let whole = HalfMesh { vertices: mesh.vertices.clone(), on_plane, faces: mesh.faces.clone() };
     let labels: Vec<u8> = mesh.parts.iter().map(|part| part.id()).collect();
     let (whole, labels) = Collapser::new(&whole, &labels, false).run(&labels, most);
     let parts = labels.into_iter().filter_map(PartClass::from_id).collect();

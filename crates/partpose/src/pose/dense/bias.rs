@@ -22,8 +22,9 @@ pub struct MaskBias {
 }
 
 impl MaskBias {
-    /// The four sides at a distance, pixels.
+    /// The four sides at a distance, pixels; nearer than 10 m as at 10 m, since there is little to measure it on.
     pub fn at(&self, z: f64) -> [f64; 4] {
+        let z = z.max(NEAREST);
         std::array::from_fn(|side| self.offset[side] + self.per_distance[side] / z)
     }
 
@@ -54,6 +55,8 @@ impl MaskBias {
     }
 }
 
+/// Distance below which nothing is extrapolated, metres.
+const NEAREST: f64 = 10.0;
 /// Share of its cuboid's projected width that a vehicle's outline fills, about.
 const FILLED: f64 = 0.93;
 

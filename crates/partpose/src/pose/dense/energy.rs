@@ -27,8 +27,7 @@ pub(super) fn data_energy(target: &Target, raster: &Raster) -> f64 {
             let first = raster.labels[start];
             let mut is_uniform = true;
             for y in 0..s {
-                let row = &raster.labels[start + y * raster.size..][..s];
-                is_uniform &= row.iter().all(|label| *label == first);
+                is_uniform &= is_all(&raster.labels[start + y * raster.size..][..s], first);
             }
             let brier = if is_uniform {
                 1.0 - 2.0 * q[usize::from(first) & (LANES - 1)] + target.squares[cell]
@@ -55,4 +54,14 @@ pub(super) fn data_energy(target: &Target, raster: &Raster) -> f64 {
         sum += f64::from(of_row);
     }
     0.5 * sum
+}
+
+/// Whether all labels of a short row are the same as `first`.
+#[inline]
+fn is_all(row: &[u8], first: u8) -> bool {
+    match row {
+        [a, b] => (*a == first) & (*b == first),
+        [a, b, c, d] => u32::from_le_bytes([*a, *b, *c, *d]) == u32::from(first) * 0x0101_0101,
+        _ => row.iter().all(|label| *label == first),
+    }
 }

@@ -16,8 +16,8 @@ use super::target::Target;
 
 /// Headings that are tried: 15 degrees apart.
 pub(super) const HEADINGS: usize = 24;
-/// Rounds of finding the extreme vertices and placing the vehicle.
-const ROUNDS: usize = 3;
+/// Rounds of finding the extreme vertices and placing the vehicle: where all edges are its own, and where not.
+const ROUNDS: [usize; 2] = [3, 6];
 /// Weight of what is only supposed, against a trusted edge.
 const SUPPOSED: f64 = 0.03;
 
@@ -34,7 +34,8 @@ impl Outline {
     pub(super) fn new(target: &Target, camera: &Camera) -> Option<Self> {
         let m = target.cells;
         let known = |cell: usize| target.weights[cell] > 0.0;
-        let shown = |cell: usize| if known(cell) { 1.0 - target.probabilities[cell][0] } else { 0.0 };
+        let shown =
+            |cell: usize| if known(cell) { 1.0 - target.probabilities[cell][0] } else { 0.0 };
         let image = camera.image_rect();
         let bounds = &target.bounds;
         let mut edges = [0.0; 4];
@@ -59,9 +60,7 @@ impl Outline {
                 (0, 1) => bounds.y_min > image.y_min + 1.0,
                 (0, 2) => bounds.x_max < image.x_max - 1.0,
                 (0, _) => bounds.y_max < image.y_max - 1.0,
-                _ => {
-                    2 * rim.iter().filter(|i| known(cell(first - 1, **i))).count() > rim.len()
-                }
+                _ => 2 * rim.iter().filter(|i| known(cell(first - 1, **i))).count() > rim.len(),
             };
             let pixel = match side {
                 0 => bounds.x_min + inset * bounds.width(),
@@ -76,9 +75,14 @@ impl Outline {
     }
 
     /// Whether the distance follows from edges alone.
-    pub(super) fn tells_distance(&self) -> bool {
+    fn tells_distance(&self) -> bool {
         let [left, top, right, bottom] = self.trusted;
         (left && right) || (top && bottom)
+    }
+
+    /// Whether every edge is the vehicle's own.
+    pub(super) fn is_whole(&self) -> bool {
+        self.trusted.iter().all(|trusted| *trusted)
     }
 
     /// The vehicle of half-sides `half` turned by `rotation`, placed by its outline. `vertices` are in half-extent
@@ -98,7 +102,7 @@ impl Outline {
         let supposed = nearer * (2.0 * half.y / (bottom - top).max(1e-6) + half.x);
         let mut center =
             Vector3::new(0.5 * (left + right), 0.5 * (top + bottom), 1.0) * supposed.max(2.0);
-        for _ in 0..ROUNDS {
+        for _ in 0..ROUNDS[usize::from(!self.is_whole())] {
             let reach = self.extremes(&arms, &center);
             let mut hessian = Matrix3::zeros();
             let mut gradient = Vector3::zeros();

@@ -88,13 +88,7 @@ impl Flux {
     }
 
     /// The edge belongs half to each sample's cell; the first label gains what the second loses.
-    fn add(
-        &mut self,
-        target: &Target,
-        cells: [usize; 2],
-        labels: [u8; 2],
-        j: &[f32; PARAMETERS],
-    ) {
+    fn add(&mut self, target: &Target, cells: [usize; 2], labels: [u8; 2], j: &[f32; PARAMETERS]) {
         let (counted, share) =
             if cells[0] == cells[1] { (&cells[..1], 1.0) } else { (&cells[..], 0.5) };
         for cell in counted {

@@ -15,12 +15,14 @@ const DAMPING: f64 = 1e-3;
 const EASE: [f64; 2] = [0.2, 1e-5];
 const BRAKE: [f64; 2] = [8.0, 1e-2];
 /// Trials for one step.
-const TRIALS: usize = 4;
+const TRIALS: usize = 3;
 /// Largest turn and largest relative change of a step: beyond them the picture says nothing of where it leads.
 const LARGEST: f64 = 0.5;
 /// Relative decrease below which the descent has arrived, and the iteration after which that is asked.
-const ARRIVED: f64 = 1e-4;
-const ASKED_AFTER: usize = 3;
+const ARRIVED: f64 = 2e-4;
+const ASKED_AFTER: usize = 2;
+/// A step that promises less than this share of the energy is not tried: samples are no finer than that.
+const PROMISE: f64 = 1e-4;
 
 /// One resolution: probabilities on cells, a mesh, and how many samples a cell has.
 #[derive(Clone, Copy)]
@@ -85,6 +87,9 @@ impl Workspace {
             let mut accepted = false;
             for _ in 0..TRIALS {
                 let step = solve(&equations, view.terms.count(), damping);
+                if step.is_some_and(|step| promised(&equations, &step) < PROMISE * before) {
+                    break;
+                }
                 let trial = step.map(|step| here.state.updated(&step)).filter(State::is_usable);
                 if let Some(trial) = trial {
                     let scored = self.score(view, &trial);
@@ -103,6 +108,12 @@ impl Workspace {
         }
         Descent { end: here, converged: false }
     }
+}
+
+/// The decrease that the quadratic model promises for a step.
+fn promised(equations: &NormalEquations, step: &[f64; PARAMETERS]) -> f64 {
+    let step = SVector::from(*step);
+    -equations.gradient.dot(&step) - 0.5 * step.dot(&(equations.hessian * step))
 }
 
 /// `-(H + damping diag H)^-1 g`, no longer than a picture can vouch for; `None` if it is not a number.

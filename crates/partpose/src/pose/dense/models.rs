@@ -33,7 +33,7 @@ pub(super) struct Level {
 pub(super) const LEVELS: [Level; 3] = [
     Level { faces: 250, cells: 14, samples: 28, iterations: 5 },
     Level { faces: 800, cells: 28, samples: 56, iterations: 8 },
-    Level { faces: 3000, cells: 56, samples: 112, iterations: 12 },
+    Level { faces: 3000, cells: 56, samples: 112, iterations: 10 },
 ];
 
 /// A model ready to be drawn at every level.
@@ -123,16 +123,30 @@ pub(super) struct Search {
     pub(super) scouts: usize,
     /// Headings of each model that are followed.
     pub(super) headings: usize,
+    /// Factors on the distance that is supposed of vehicles which the image cuts or others hide.
+    pub(super) depths: &'static [f64],
     /// Hypotheses that reach the middle and the fine level.
     pub(super) keep: [usize; 2],
-    /// A hypothesis whose energy is more than this many times the best's goes no further.
-    pub(super) hopeless: f64,
+    /// A hypothesis whose energy is more than this many times the best's does not reach that level.
+    pub(super) hopeless: [f64; 2],
 }
 
 /// What is searched usually.
-pub(super) const NARROW: Search = Search { scouts: 4, headings: 2, keep: [4, 2], hopeless: 1.25 };
+pub(super) const NARROW: Search = Search {
+    scouts: 4,
+    headings: 2,
+    depths: &[1.0, 0.65, 0.42],
+    keep: [6, 3],
+    hopeless: [1.5, 1.08],
+};
 /// What is searched where that finds nothing good: cut and hidden vehicles, mostly.
-pub(super) const WIDE: Search = Search { scouts: 64, headings: 6, keep: [16, 4], hopeless: 1.6 };
+pub(super) const WIDE: Search = Search {
+    scouts: 64,
+    headings: 6,
+    depths: &[1.2, 1.0, 0.8, 0.6, 0.45, 0.33],
+    keep: [16, 4],
+    hopeless: [2.5, 1.3],
+};
 
 /// Angle between rotations below which two hypotheses of a model are one, radians.
 pub(super) const NEIGHBOURS: f64 = 0.5;
@@ -152,7 +166,7 @@ pub(super) fn search(
     for (index, candidate) in candidates.iter().enumerate() {
         let view = pyramid.view(0, candidate);
         let scored = if index < search.scouts {
-            headings(work, pyramid, outline, candidate)
+            headings(work, pyramid, outline, candidate, search.depths)
         } else {
             let start = |state: &State| State { half: candidate.half, ..*state };
             common.iter().map(|state| work.score(&view, &start(state))).collect()
@@ -168,15 +182,7 @@ pub(super) fn search(
     }
     for level in 1..LEVELS.len() {
         sort(&mut pool);
-        let best = pool.first().map_or(0.0, |h| h.scored.energy);
-        let mut next: Vec<Hypothesis> = Vec::new();
-        for hypothesis in &pool {
-            let same = |other: &Hypothesis| hypothesis.repeats(other);
-            let is_hopeful = hypothesis.scored.energy <= search.hopeless * best;
-            if next.len() < search.keep[level - 1] && is_hopeful && !next.iter().any(same) {
-                next.push(*hypothesis);
-            }
-        }
+        let next = promoted(&pool, search, level - 1);
         done.append(&mut pool);
         for hypothesis in next {
             let view = pyramid.view(level, &candidates[hypothesis.model]);
@@ -188,6 +194,25 @@ pub(super) fn search(
     done.append(&mut pool);
     sort(&mut done);
     done
+}
+
+/// What goes on to the next level: the best of each model in turn, then their others.
+fn promoted(pool: &[Hypothesis], search: &Search, step: usize) -> Vec<Hypothesis> {
+    let best = pool.first().map_or(0.0, |h| h.scored.energy);
+    let hopeful = || pool.iter().filter(|h| h.scored.energy <= search.hopeless[step] * best);
+    let mut next: Vec<Hypothesis> = Vec::new();
+    for of_own_model in [true, false] {
+        for hypothesis in hopeful() {
+            let taken = |other: &Hypothesis| match of_own_model {
+                true => hypothesis.model == other.model,
+                false => hypothesis.repeats(other),
+            };
+            if next.len() < search.keep[step] && !next.iter().any(taken) {
+                next.push(*hypothesis);
+            }
+        }
+    }
+    next
 }
 
 impl Hypothesis {
@@ -206,9 +231,8 @@ impl Hypothesis {
 
 /// The finest first, then the best.
 pub(super) fn sort(hypotheses: &mut [Hypothesis]) {
-    hypotheses.sort_by(|a, b| {
-        b.level.cmp(&a.level).then(a.scored.energy.total_cmp(&b.scored.energy))
-    });
+    hypotheses
+        .sort_by(|a, b| b.level.cmp(&a.level).then(a.scored.energy.total_cmp(&b.scored.energy)));
 }
 
 /// Headings all around and what centres of parts say, drawn coarsely.
@@ -217,11 +241,12 @@ fn headings(
     pyramid: &Pyramid,
     outline: &Outline,
     candidate: &Candidate,
+    depths: &'static [f64],
 ) -> Vec<Scored> {
     let (model, half) = (candidate.model, &candidate.half);
     let view = pyramid.view(0, candidate);
     let down = view.terms.down();
-    let depths: &[f64] = if outline.tells_distance() { &[1.0] } else { &[1.0, 0.75, 0.55] };
+    let depths = if outline.is_whole() { &[1.0] } else { depths };
     let mut scored = Vec::with_capacity(HEADINGS * depths.len() + 2);
     for index in 0..HEADINGS {
         let rotation = upright(&down, index as f64 / HEADINGS as f64 * TAU);
@@ -242,7 +267,8 @@ fn distinct(mut scored: Vec<Scored>, keep: usize) -> Vec<Scored> {
     scored.sort_by(|a, b| a.energy.total_cmp(&b.energy));
     let mut kept: Vec<Scored> = Vec::new();
     for one in &scored {
-        let is_new = |other: &Scored| one.state.rotation.angle_to(&other.state.rotation) > NEIGHBOURS;
+        let is_new =
+            |other: &Scored| one.state.rotation.angle_to(&other.state.rotation) > NEIGHBOURS;
         if kept.len() < keep && kept.iter().all(is_new) {
             kept.push(*one);
         }

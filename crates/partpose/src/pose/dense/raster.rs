@@ -45,9 +45,11 @@ impl UnitMesh {
 
     /// The vertices in half-extent units.
     pub(super) fn vertices(&self) -> impl Iterator<Item = Vector3> + '_ {
-        self.x.iter().zip(&self.y).zip(&self.z).map(|((x, y), z)| {
-            Vector3::new(f64::from(*x), f64::from(*y), f64::from(*z))
-        })
+        self.x
+            .iter()
+            .zip(&self.y)
+            .zip(&self.z)
+            .map(|((x, y), z)| Vector3::new(f64::from(*x), f64::from(*y), f64::from(*z)))
     }
 }
 
@@ -66,21 +68,14 @@ pub(super) struct Raster {
     /// Part ids row by row, 0 for background.
     pub(super) labels: Vec<u8>,
     keys: Vec<f32>,
-    screen: Screen,
+    screen: Vec<Corner>,
 }
 
-#[derive(Clone, Debug, Default)]
-struct Screen {
-    x: Vec<f32>,
-    y: Vec<f32>,
-    /// 1 / z; not positive where the vertex is not in front of the near plane.
-    w: Vec<f32>,
-}
-
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Corner {
     x: f32,
     y: f32,
+    /// 1 / z; 0 where the vertex is not in front of the near plane.
     w: f32,
 }
 
@@ -96,11 +91,7 @@ impl Raster {
         self.keys.resize(size * size, 0.0);
         self.project(mesh, projection);
         for (face, label) in &mesh.faces {
-            let corner = |i: usize| {
-                let at = face[i] as usize;
-                Corner { x: self.screen.x[at], y: self.screen.y[at], w: self.screen.w[at] }
-            };
-            let corners = [corner(0), corner(1), corner(2)];
+            let corners = face.map(|at| self.screen[at as usize]);
             if corners[0].w > 0.0 && corners[1].w > 0.0 && corners[2].w > 0.0 {
                 triangle(&mut self.keys, size, corners, *label, mesh.is_closed);
             } else {
@@ -114,20 +105,17 @@ impl Raster {
     fn project(&mut self, mesh: &UnitMesh, projection: &Projection) {
         let m: [f32; 9] = std::array::from_fn(|i| projection.matrix[(i / 3, i % 3)] as f32);
         let o: [f32; 3] = std::array::from_fn(|i| projection.offset[i] as f32);
-        let count = mesh.x.len();
-        let screen = &mut self.screen;
-        for line in [&mut screen.x, &mut screen.y, &mut screen.w] {
-            line.resize(count, 0.0);
-        }
-        let out = screen.x.iter_mut().zip(&mut screen.y).zip(&mut screen.w);
-        let source = mesh.x.iter().zip(&mesh.y).zip(&mesh.z);
-        for (((u, v), w), ((x, y), z)) in out.zip(source) {
+        let vertices = mesh.x.iter().zip(&mesh.y).zip(&mesh.z);
+        self.screen.clear();
+        self.screen.extend(vertices.map(|((x, y), z)| {
             let depth = m[6] * x + m[7] * y + m[8] * z + o[2];
-            let inverse = if depth > NEAR { 1.0 / depth } else { 0.0 };
-            *u = (m[0] * x + m[1] * y + m[2] * z + o[0]) * inverse;
-            *v = (m[3] * x + m[4] * y + m[5] * z + o[1]) * inverse;
-            *w = inverse;
-        }
+            let w = if depth > NEAR { 1.0 / depth } else { 0.0 };
+            Corner {
+                x: (m[0] * x + m[1] * y + m[2] * z + o[0]) * w,
+                y: (m[3] * x + m[4] * y + m[5] * z + o[1]) * w,
+                w,
+            }
+        }));
     }
 
     /// Cuts a face at the near plane.
@@ -224,8 +212,7 @@ fn triangle(keys: &mut [f32], size: usize, corners: [Corner; 3], label: u32, cul
         for y in from..to {
             let (p, q) = (long.at(y as f32), side.at(y as f32));
             let (left, right) = if p < q { (p, q) } else { (q, p) };
-            let (left, right) =
-                (first_at_or_after(left, limit), first_at_or_after(right, limit));
+            let (left, right) = (first_at_or_after(left, limit), first_at_or_after(right, limit));
             if left >= right {
                 continue;
             }

@@ -42,7 +42,11 @@ impl State {
         Self {
             rotation,
             center: moved * step[5].exp(),
-            half: self.half.component_mul(&Vector3::new(step[6].exp(), step[7].exp(), step[8].exp())),
+            half: self.half.component_mul(&Vector3::new(
+                step[6].exp(),
+                step[7].exp(),
+                step[8].exp(),
+            )),
         }
     }
 

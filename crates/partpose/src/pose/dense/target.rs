@@ -115,7 +115,12 @@ impl Target {
     }
 
     /// The box on `samples` samples a side.
-    pub(super) fn grid(&self, camera: &Camera, samples: usize, bias: Option<MaskBias>) -> SampleGrid {
+    pub(super) fn grid(
+        &self,
+        camera: &Camera,
+        samples: usize,
+        bias: Option<MaskBias>,
+    ) -> SampleGrid {
         let camera = camera.crop(&self.bounds, [samples as u32; 2]);
         let [width, height] = [self.bounds.width(), self.bounds.height()];
         let per_pixel = [samples as f64 / width, samples as f64 / height];

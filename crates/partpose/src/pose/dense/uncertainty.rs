@@ -99,10 +99,8 @@ pub(super) fn covariance(work: &mut Workspace, view: &View, end: &Scored) -> SMa
     let equations = work.equations(view, state);
     let count = view.terms.count();
     let mut spread = correlated_gradients(work, view) * INFLATION;
-    let mut priors = super::jacobian::NormalEquations {
-        hessian: SMatrix::zeros(),
-        gradient: SVector::zeros(),
-    };
+    let mut priors =
+        super::jacobian::NormalEquations { hessian: SMatrix::zeros(), gradient: SVector::zeros() };
     view.terms.add(state, &mut priors);
     // `terms.add` scales by the noise once; a prior's own spread is its information, times the noise squared.
     spread += priors.hessian * view.terms.noise;

@@ -110,6 +110,7 @@ fn settings(arguments: &Arguments) -> serde_json::Value {
         "box": name(arguments.bounds.to_possible_value()),
         "degrade_to_pixel_accuracy": arguments.degrade,
         "extent": name(arguments.extent.to_possible_value()),
+        "mask_bias_measured_on": arguments.mask_bias,
     })
 }
 
