@@ -41,8 +41,9 @@ use target::Target;
 const LEAST_EVIDENCE: f64 = 1.0;
 /// Cells below which a fit is flagged.
 const LITTLE_EVIDENCE: f64 = 12.0;
-/// Energy per foreground cell above which the search is widened.
-const DOUBT: f64 = 0.12;
+/// Energy per foreground cell above which the search is widened: where the whole outline is the vehicle's own, and
+/// where the image or another vehicle cuts it.
+const DOUBT: [f64; 2] = [0.25, 0.12];
 /// Energy per foreground cell above which a fit is flagged as poor.
 const POOR: f64 = 0.25;
 
@@ -107,7 +108,8 @@ impl DenseZoo {
         let mut work = Workspace::default();
         let mut found = models::search(&mut work, &pyramid, &outline, &candidates, &NARROW);
         let is_doubtful = |found: &[Hypothesis]| {
-            found.first().is_none_or(|best| best.scored.data > DOUBT * foreground)
+            let limit = DOUBT[usize::from(!outline.is_whole())];
+            found.first().is_none_or(|best| best.scored.data > limit * foreground)
         };
         if is_doubtful(&found) {
             found.extend(models::search(&mut work, &pyramid, &outline, &candidates, &WIDE));

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use crate::geometry::{Camera, Extent, Point3, Vector3};
 use crate::parts::PartMap;
 use crate::pose::{Center3d, model_centers};
-use crate::vehicle::VehicleModel;
 use crate::vehicle::simplify::simplify_mesh;
+use crate::vehicle::{Mesh, VehicleModel};
 
 use super::bias::{MaskBias, SampleGrid};
 use super::hypotheses::{HEADINGS, Outline, from_centers, upright};
@@ -50,12 +50,7 @@ pub(super) struct DenseModel {
 impl DenseModel {
     pub(super) fn new(model: &VehicleModel) -> Self {
         let extent = model.extent();
-        let mesh = |level: &Level| {
-            if model.mesh().faces.len() <= level.faces {
-                return UnitMesh::new(model.mesh(), &extent);
-            }
-            UnitMesh::new(&simplify_mesh(model.mesh(), level.faces), &extent)
-        };
+        let mesh = |level: &Level| UnitMesh::new(&simplified(model.mesh(), level.faces), &extent);
         let meshes = LEVELS.each_ref().map(mesh);
         let vertices = meshes[0].vertices().collect();
         let side = extent.to_vector() * 0.5;
@@ -64,6 +59,32 @@ impl DenseModel {
             .map(|_, center| Point3::from((center.coords + up).component_div(&side)));
         Self { extent, meshes, vertices, centers }
     }
+}
+
+/// Relative change of the volume, and change of a side of the bounding box as a share of it, that simplification may
+/// bring about.
+const MOST_CHANGE: f64 = 0.03;
+
+/// The mesh with about so many faces, or more where fewer would be another shape: tangled meshes collapse badly.
+fn simplified(mesh: &Mesh, faces: usize) -> Mesh {
+    let mut most = faces;
+    while most < mesh.faces.len() {
+        let simple = simplify_mesh(mesh, most);
+        if is_alike(mesh, &simple) {
+            return simple;
+        }
+        most *= 2;
+    }
+    mesh.clone()
+}
+
+fn is_alike(mesh: &Mesh, simple: &Mesh) -> bool {
+    let (Some(a), Some(b)) = (mesh.bounds(), simple.bounds()) else { return false };
+    let sides = a.1 - a.0;
+    let near = |i: usize, p: f64, q: f64| (p - q).abs() <= MOST_CHANGE * sides[i];
+    let (own, other) = (mesh.volume(), simple.volume());
+    (0..3).all(|i| near(i, a.0[i], b.0[i]) && near(i, a.1[i], b.1[i]))
+        && (own - other).abs() <= MOST_CHANGE * own.abs()
 }
 
 /// A detection at every level.

@@ -15,12 +15,12 @@ use super::models::Hypothesis;
 use super::state::{PARAMETERS, State};
 
 /// Cells of a 28-cell kernel over which errors of masks are correlated.
-const CORRELATION: f64 = 1.5;
+const CORRELATION: f64 = 4.0;
 /// Factor on the sandwich, found on world 0001 (`docs/dense-fit.md`).
-const INFLATION: f64 = 2.0;
+const INFLATION: f64 = 15.0;
 /// Standard deviations that no mask takes away: turn (radians), sideways and up as a share of the distance, distance
 /// (logarithm). Found on world 0001 like [`INFLATION`].
-const FLOOR: [f64; 3] = [0.006, 0.0006, 0.004];
+const FLOOR: [f64; 3] = [0.005, 0.0005, 0.003];
 /// Variance of a reference cell's term where priors are weighed against it.
 pub(super) const NOISE: f64 = 0.05;
 /// How much more energy, as a share of the best, makes a hypothesis e times less likely.
@@ -118,7 +118,7 @@ pub(super) fn covariance(work: &mut Workspace, view: &View, end: &Scored) -> SMa
     let mut increments = inverse * spread * inverse;
     let z = state.center.z;
     for i in 0..3 {
-        increments[(i, i)] += FLOOR[0] * FLOOR[0];
+        increments[(i, i)] += FLOOR[0].powi(2);
         increments[(3 + i, 3 + i)] += if i < 2 { (FLOOR[1] * z).powi(2) } else { FLOOR[2].powi(2) };
     }
     let mut metric = SMatrix::<f64, 9, 9>::identity();
