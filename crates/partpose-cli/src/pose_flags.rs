@@ -2,6 +2,7 @@
 
 use clap::ValueEnum;
 use partpose::parts::Scaling;
+use partpose::pose::dense::DenseOptions;
 use partpose::pose::{Center2d, Center3d, DEFAULT_SMALL_PART, PartFilters, PnpMethod, PoseOptions};
 
 #[derive(clap::Args, Clone, Debug)]
@@ -9,7 +10,8 @@ pub(crate) struct PoseFlags {
     /// How kernels become masks
     #[arg(long, value_enum, default_value = "bilinear")]
     scaling: ScalingFlag,
-    /// Solver
+    /// How poses are found: with a solver for the centres of parts, or densely, from every probability of the mask,
+    /// where the flags of centres, scaling and filters have no say
     #[arg(long, value_enum, default_value = "epnp")]
     fit: FitFlag,
     /// Refine with Levenberg-Marquardt, robust and weighted by each part's spread
@@ -47,6 +49,7 @@ enum FitFlag {
     Epnp,
     Sqpnp,
     Ransac,
+    Dense,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -115,9 +118,11 @@ impl PoseFlags {
                 FitFlag::Epnp => PnpMethod::Epnp,
                 FitFlag::Sqpnp => PnpMethod::Sqpnp,
                 FitFlag::Ransac => PnpMethod::Ransac,
+                FitFlag::Dense => PnpMethod::Dense,
             },
             refine: self.refine,
             seed: self.seed,
+            dense: DenseOptions::default(),
         }
     }
 }

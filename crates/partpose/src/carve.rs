@@ -11,14 +11,12 @@
 
 mod contour;
 mod distance;
-mod half;
 mod hull;
 mod labels;
 mod occluders;
 mod outcome;
 mod quality;
 mod rows;
-mod simplify;
 mod stand_in;
 mod surface;
 mod view;
@@ -27,7 +25,7 @@ use rayon::prelude::*;
 
 use crate::dataset::{Frame, SequenceId};
 use crate::geometry::Extent;
-use crate::vehicle::{Mesh, VehicleModel};
+use crate::vehicle::{Mesh, VehicleModel, half, simplify};
 
 pub use outcome::{CarveError, Carved, CarvedModel, Progress, Skipped};
 pub use quality::{FILL_SLACK, QualityOptions, SIDES, ViewQuality, measure_quality};

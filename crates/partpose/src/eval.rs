@@ -7,6 +7,7 @@ pub mod kitti;
 pub mod pnp;
 
 mod input;
+mod mask_bias;
 mod poses;
 pub mod ranking;
 mod run;
@@ -14,6 +15,7 @@ mod table;
 mod tables;
 
 pub use input::{InputError, files_with_ending};
+pub use mask_bias::measure_mask_bias;
 pub use poses::{PoseDeviation, PoseScores, Scored, pose_deviation, summarize};
 pub use run::{
     Configuration, EvaluationOptions, FrameOutcome, Progress, TruthExtent, VehicleOutcome,

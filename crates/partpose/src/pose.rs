@@ -2,6 +2,8 @@
 //!
 //! 2D centres of the parts ([`part_evidence`]), filters ([`PartFilters`]), 3D centres of each model, PnP for every model
 //! of the zoo, and the model with the lowest reprojection error wins ([`PoseEstimator`]).
+//!
+//! [`dense`] goes past the paper: no centres, every probability of the kernel against the drawn model.
 
 mod centers;
 pub mod dense;

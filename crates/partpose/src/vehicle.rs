@@ -6,12 +6,14 @@ mod glb_read;
 mod glb_schema;
 mod glb_write;
 mod gltf_scene;
+pub(crate) mod half;
 pub mod import;
 mod mesh;
 mod model;
 mod parametric;
 mod partial;
 mod place;
+pub(crate) mod simplify;
 mod zoo;
 
 pub use glb::{GlbError, MAX_COORDINATE, MAX_FACES, MAX_SIDE, MIN_SIDE, PrimitiveFault};

@@ -8,6 +8,7 @@ use partpose::formats::{
     DetectionFile, DetectionFileError, ResultSettings, image_result, read_detections,
 };
 use partpose::geometry::{Camera, Extent};
+use partpose::pose::dense::{MaskBias, SizePrior};
 use partpose::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator};
 use partpose::vehicle::ModelZoo;
 use rayon::prelude::*;
@@ -30,7 +31,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DIR")]
     zoo: Option<PathBuf>,
     /// Size of the vehicles, on which their distance depends: `file` takes the detections' own `extents`, else the
-    /// models'; `model` the models'; width,height,length in metres is one size for all
+    /// models'; `model` the models'; `free` starts with the models' and lets the dense fit stretch them; width,height,
+    /// length in metres is one size for all
     #[arg(long, value_name = "SIZE", default_value = "file", value_parser = parse_extent)]
     extent: FitExtent,
     /// Leave out detections with a lower score
@@ -42,6 +44,9 @@ pub(crate) struct Arguments {
     /// Draw no pictures
     #[arg(long)]
     no_pictures: bool,
+    /// How far masks lie off the models' outlines, for the dense fit: `mask-bias.json` of `evaluate poses --mask-bias`
+    #[arg(long, value_name = "FILE")]
+    mask_bias: Option<PathBuf>,
     #[command(flatten)]
     pose: PoseFlags,
     /// Folder for results: one JSON, one KITTI text and one picture an image
@@ -53,6 +58,7 @@ pub(crate) struct Arguments {
 enum FitExtent {
     File,
     Model,
+    Free,
     Given(Extent),
 }
 
@@ -60,6 +66,7 @@ fn parse_extent(text: &str) -> Result<FitExtent, String> {
     match text {
         "file" => return Ok(FitExtent::File),
         "model" => return Ok(FitExtent::Model),
+        "free" => return Ok(FitExtent::Free),
         _ => {}
     }
     let sides: Result<Vec<f64>, _> = text.split(',').map(str::parse).collect();
@@ -75,7 +82,8 @@ fn parse_extent(text: &str) -> Result<FitExtent, String> {
             }
             Err("width, height and length must lie between 0.1 and 100 metres".to_owned())
         }
-        _ => Err("`file`, `model` or width,height,length is meant, such as 1.8,1.5,4.4".to_owned()),
+        _ => Err("`file`, `model`, `free` or width,height,length is meant, such as 1.8,1.5,4.4"
+            .to_owned()),
     }
 }
 
@@ -110,7 +118,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             "docs/formats.md, \"Detections\", lists the tensors, their shapes and types",
         ),
     })?;
-    let options = arguments.pose.options();
+    let mut options = arguments.pose.options();
+    options.dense.mask_bias = arguments.mask_bias.as_deref().map(read_mask_bias).transpose()?;
     let zoo = match &arguments.zoo {
         Some(folder) => ModelZoo::load(folder)?,
         None => ModelZoo::embedded(),
@@ -163,10 +172,21 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(if total.skipped == 0 { Outcome::Done } else { Outcome::Skipped })
 }
 
+fn read_mask_bias(path: &Path) -> anyhow::Result<MaskBias> {
+    let text = files::read(path)?;
+    serde_json::from_slice(&text).map_err(|error| {
+        hint(
+            anyhow::anyhow!("`{}` is no mask bias: {error}", path.display()),
+            "`evaluate poses --mask-bias WORLDS` writes one as `mask-bias.json`",
+        )
+    })
+}
+
 fn extent_in_words(extent: FitExtent, has_extents: bool) -> String {
     match extent {
         FitExtent::File if has_extents => "given with the detections".to_owned(),
         FitExtent::File | FitExtent::Model => "of the models".to_owned(),
+        FitExtent::Free => "of the models, stretched by the masks".to_owned(),
         FitExtent::Given(e) => {
             format!("given: {} x {} x {} m (width, height, length)", e.width, e.height, e.length)
         }
@@ -208,6 +228,7 @@ fn fit_image(job: &Job, image: ImageDetections) -> anyhow::Result<Counts> {
                 (FitExtent::Given(extent), _) | (FitExtent::File, Some(extent)) => {
                     ExtentSource::Given(extent)
                 }
+                (FitExtent::Free, _) => ExtentSource::Free(SizePrior::around(None)),
                 (FitExtent::File | FitExtent::Model, _) => ExtentSource::Model,
             };
             let estimate = job.estimator.estimate(&job.camera, &detection, &extent);

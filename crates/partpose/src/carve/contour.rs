@@ -11,9 +11,9 @@ use rayon::prelude::*;
 
 use crate::geometry::{Extent, Point3};
 use crate::vehicle::Mesh;
+use crate::vehicle::half::{HalfMesh, edges};
 
 use super::distance::EdgeDistance;
-use super::half::{HalfMesh, edges};
 use super::hull::is_part;
 use super::view::{AMBIGUOUS, UNKNOWN, View};
 

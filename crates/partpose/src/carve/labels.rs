@@ -9,9 +9,9 @@ use rayon::prelude::*;
 
 use crate::geometry::Extent;
 use crate::parts::{PartClass, PartGroup};
+use crate::vehicle::half::{HalfMesh, edges};
 
 use super::distance::EdgeDistance;
-use super::half::{HalfMesh, edges};
 use super::hull::part_of;
 use super::view::{AMBIGUOUS, View};
 

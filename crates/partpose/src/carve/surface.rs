@@ -6,8 +6,8 @@
 //! (well-composed sets: Latecki, Eckhardt, Rosenfeld, CVIU 1995).
 
 use crate::geometry::Point3;
+use crate::vehicle::half::HalfMesh;
 
-use super::half::HalfMesh;
 use super::hull::Grid;
 
 /// Blurs a field with the kernel (1, 2, 1) / 4 along each axis, mirrored at x = 0, zero beyond the grid.

@@ -6,6 +6,7 @@ use crate::dataset::{DatasetError, Frame};
 use crate::detection::Detection;
 use crate::oracle::{Degradation, Oracle, OracleBox, OracleOptions, strength_for_accuracy};
 use crate::parts::Scaling;
+use crate::pose::dense::SizePrior;
 use crate::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator, PoseOptions};
 use crate::vehicle::ModelZoo;
 
@@ -33,6 +34,8 @@ pub enum TruthExtent {
     Uniform,
     /// Models keep their own extent.
     None,
+    /// Models are stretched by what the mask says, from their own extent with its likely spread.
+    Free,
 }
 
 /// What is evaluated.
@@ -141,6 +144,7 @@ fn evaluate_vehicle(
         TruthExtent::PerAxis => ExtentSource::Given(label.cuboid.extent),
         TruthExtent::Uniform => ExtentSource::GivenUniform(label.cuboid.extent),
         TruthExtent::None => ExtentSource::Model,
+        TruthExtent::Free => ExtentSource::Free(SizePrior::around(None)),
     };
     let estimate = match &detection {
         Some(detection) => estimator.estimate(&frame.camera, detection, &extent),

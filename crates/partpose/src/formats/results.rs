@@ -5,6 +5,7 @@ use serde::Serialize;
 use crate::detection::Detection;
 use crate::geometry::{Camera, EulerAngles, Extent, Pose};
 use crate::parts::PartClass;
+use crate::pose::dense::{DenseFlag, DenseReport};
 use crate::pose::{Candidate, NoPose, PoseEstimate, PoseOptions};
 
 /// All detections of one image, with poses or with reasons.
@@ -61,8 +62,9 @@ pub struct PoseResult {
     pub euler_angles: EulerAngles,
     /// Size in metres.
     pub extent: Extent,
-    /// Root mean square reprojection error, pixels.
-    pub reprojection_rmse: f64,
+    /// Root mean square reprojection error, pixels; not there with the dense fit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reprojection_rmse: Option<f64>,
     /// Another pose that explains the same points nearly as well: nearly flat parts leave two.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alternative: Option<AlternativeResult>,
@@ -70,6 +72,57 @@ pub struct PoseResult {
     pub correspondences: Vec<CorrespondenceResult>,
     /// How each model of the zoo fared.
     pub candidates: Vec<CandidateResult>,
+    /// What only the dense fit knows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dense: Option<DenseResult>,
+}
+
+/// What the dense fit adds, as JSON.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DenseResult {
+    /// The data term per cell that shows the vehicle: 0 for a perfect fit, 1 for none.
+    pub energy: f64,
+    /// Cells of a 28 x 28 kernel that show the vehicle.
+    pub foreground: f64,
+    /// Rows of the covariance of a rotation vector in camera axes about the cuboid's centre (radians) and of the
+    /// centre's place in the camera frame (metres); then, where the size was free, of the logarithms of width, height
+    /// and length.
+    pub covariance: Vec<Vec<f64>>,
+    /// The probability of each model of the zoo.
+    pub model_probabilities: Vec<ModelProbability>,
+    /// The best pose that is clearly another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub second_mode: Option<SecondModeResult>,
+    /// 0 to 1: how much the fit trusts itself.
+    pub confidence: f64,
+    /// What speaks against it.
+    pub flags: Vec<DenseFlag>,
+}
+
+/// A model's probability as JSON.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ModelProbability {
+    /// Name of the model.
+    pub model: String,
+    /// 0 to 1; they sum to 1.
+    pub probability: f64,
+}
+
+/// Another pose that explains the mask, as JSON.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SecondModeResult {
+    /// Its model's name.
+    pub model: String,
+    /// Bottom-face centre in the camera frame, metres.
+    pub translation: [f64; 3],
+    /// Rows of the rotation that takes the vehicle frame to the camera frame.
+    pub rotation: [[f64; 3]; 3],
+    /// Size in metres.
+    pub extent: Extent,
+    /// As that of the first.
+    pub energy: f64,
+    /// Its probability against the first.
+    pub probability: f64,
 }
 
 /// A second pose as JSON.
@@ -103,7 +156,8 @@ pub struct CorrespondenceResult {
 pub struct CandidateResult {
     /// Name of the model.
     pub model: String,
-    /// What models are compared by, pixels: the reprojection error, where an outlier counts as far as its threshold.
+    /// What models are compared by: the reprojection error in pixels, where an outlier counts as far as its threshold;
+    /// with the dense fit the energy per foreground cell.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<f64>,
     /// Why there is no pose.
@@ -164,7 +218,50 @@ fn pose_result(estimate: &PoseEstimate) -> PoseResult {
             })
             .collect(),
         candidates: estimate.candidates.iter().map(candidate).collect(),
+        dense: estimate.dense.as_ref().map(|report| dense_result(estimate, report)),
     }
+}
+
+fn dense_result(estimate: &PoseEstimate, report: &DenseReport) -> DenseResult {
+    let name = |index: usize| {
+        estimate.candidates.get(index).map_or(String::new(), |candidate| candidate.model.clone())
+    };
+    let covariance = match &report.covariance_with_size {
+        Some(all) => rows(all),
+        None => rows(&report.covariance),
+    };
+    let probability = |(index, probability): (usize, &f64)| ModelProbability {
+        model: name(index),
+        probability: *probability,
+    };
+    DenseResult {
+        energy: report.energy,
+        foreground: report.foreground,
+        covariance,
+        model_probabilities: report
+            .model_probabilities
+            .iter()
+            .enumerate()
+            .map(probability)
+            .collect(),
+        second_mode: report.second_mode.as_ref().map(|mode| {
+            let (translation, rotation) = placed(&mode.camera_from_vehicle);
+            SecondModeResult {
+                model: name(mode.model_index),
+                translation,
+                rotation,
+                extent: mode.extent,
+                energy: mode.energy,
+                probability: mode.probability,
+            }
+        }),
+        confidence: report.confidence,
+        flags: report.flags.clone(),
+    }
+}
+
+fn rows<const N: usize>(matrix: &nalgebra::SMatrix<f64, N, N>) -> Vec<Vec<f64>> {
+    matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
 }
 
 /// Translation, and the rows of the rotation.

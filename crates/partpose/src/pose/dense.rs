@@ -1,1 +1,208 @@
 //! The fit of every pixel and every probability.
+//!
+//! Centres of parts throw away what a mask says of outlines and seams, and no solver brings it back. Here the model is
+//! drawn at a pose, the share of each label in each cell of the kernel is compared with the predicted probabilities,
+//! and the pose goes downhill: one picture gives the energy (`energy`) and its derivatives (`jacobian`).
+//! `docs/dense-fit.md` has the equations, what was tried and what it brought.
+
+mod bias;
+mod energy;
+mod hypotheses;
+mod jacobian;
+mod lm;
+mod models;
+mod occluders;
+mod priors;
+mod raster;
+mod state;
+mod target;
+#[cfg(test)]
+mod tests;
+mod uncertainty;
+
+use serde::{Deserialize, Serialize};
+
+use crate::detection::Detection;
+use crate::geometry::{Camera, Extent, Pose};
+use crate::vehicle::ModelZoo;
+
+pub use bias::MaskBias;
+pub use priors::{DensePriors, GravityPrior, GroundPrior, SizePrior};
+pub use uncertainty::{DenseFlag, DenseReport, SecondMode};
+
+use super::{ExtentSource, NoPose};
+use hypotheses::Outline;
+use lm::Workspace;
+use models::{Candidate, DenseModel, Hypothesis, LEVELS, NARROW, Pyramid, WIDE};
+use priors::{SizeTerm, Terms};
+use target::Target;
+
+/// Cells of a 28-cell kernel that must show the vehicle.
+const LEAST_EVIDENCE: f64 = 1.0;
+/// Cells below which a fit is flagged.
+const LITTLE_EVIDENCE: f64 = 12.0;
+/// Energy per foreground cell above which the search is widened: where the whole outline is the vehicle's own, and
+/// where the image or another vehicle cuts it.
+const DOUBT: [f64; 2] = [0.25, 0.12];
+/// Energy per foreground cell above which a fit is flagged as poor.
+const POOR: f64 = 0.25;
+
+/// What the dense fit supposes of masks.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DenseOptions {
+    /// Where masks have outlines, against where models have them; none if not measured.
+    pub mask_bias: Option<MaskBias>,
+    /// Whether background deep inside a fitted vehicle is taken for something unlabelled in front of it.
+    pub find_occluders: bool,
+}
+
+impl Default for DenseOptions {
+    fn default() -> Self {
+        Self { mask_bias: None, find_occluders: true }
+    }
+}
+
+/// The models of a zoo, ready for the dense fit.
+#[derive(Clone, Debug)]
+pub(super) struct DenseZoo {
+    models: Vec<DenseModel>,
+    options: DenseOptions,
+}
+
+/// What the dense fit found.
+#[derive(Clone, Debug)]
+pub(super) struct DenseFit {
+    pub(super) model: usize,
+    pub(super) camera_from_vehicle: Pose,
+    pub(super) extent: Extent,
+    /// Every model's energy per foreground cell.
+    pub(super) candidates: Vec<Result<f64, NoPose>>,
+    pub(super) report: DenseReport,
+}
+
+impl DenseZoo {
+    pub(super) fn new(zoo: &ModelZoo, options: &DenseOptions) -> Self {
+        Self { models: zoo.models.iter().map(DenseModel::new).collect(), options: *options }
+    }
+
+    pub(super) fn fit(
+        &self,
+        camera: &Camera,
+        detection: &Detection,
+        extent: &ExtentSource,
+        priors: &DensePriors,
+    ) -> Result<DenseFit, NoPose> {
+        if self.models.is_empty() {
+            return Err(NoPose::NoModel);
+        }
+        let target = Target::new(detection, camera);
+        let foreground = target.foreground();
+        if !(foreground >= LEAST_EVIDENCE) {
+            return Err(NoPose::TooLittleEvidence { found: foreground });
+        }
+        let mut pyramid = Pyramid::new(&target, camera, self.options.mask_bias);
+        let outline = Outline::new(&pyramid.targets[1], camera)
+            .ok_or(NoPose::TooLittleEvidence { found: foreground })?;
+        let candidates = self.candidates(extent, priors);
+        let mut work = Workspace::default();
+        let mut found = models::search(&mut work, &pyramid, &outline, &candidates, &NARROW);
+        let is_doubtful = |found: &[Hypothesis]| {
+            let limit = DOUBT[usize::from(!outline.is_whole())];
+            found.first().is_none_or(|best| best.scored.data > limit * foreground)
+        };
+        if is_doubtful(&found) {
+            found.extend(models::search(&mut work, &pyramid, &outline, &candidates, &WIDE));
+            models::sort(&mut found);
+        }
+        let mut best = *found.first().ok_or(NoPose::NoStart)?;
+        let mut hidden = 0.0;
+        if self.options.find_occluders {
+            hidden = self.pass_occluders(&mut work, &mut pyramid, &candidates, &mut best);
+        }
+        let best_candidate = &candidates[best.model];
+        let view = pyramid.view(LEVELS.len() - 1, best_candidate);
+        let covariance = uncertainty::covariance(&mut work, &view, &best.scored);
+        let energy = best.scored.data / foreground;
+        let model_probabilities = uncertainty::model_probabilities(&found, candidates.len());
+        let second_mode = uncertainty::second_mode(&found, foreground);
+        let mut flags = Vec::new();
+        let mut flag = |raised: bool, flag: DenseFlag| {
+            if raised {
+                flags.push(flag);
+            }
+        };
+        let state = &best.scored.state;
+        flag(foreground < LITTLE_EVIDENCE, DenseFlag::LittleEvidence);
+        flag(energy > POOR, DenseFlag::PoorFit);
+        flag(!best.converged, DenseFlag::NotConverged);
+        flag(second_mode.is_some_and(|mode| mode.probability > 0.1), DenseFlag::AmbiguousPose);
+        let likeliest = model_probabilities.get(best.model).copied().unwrap_or(0.0);
+        flag(likeliest < 0.5, DenseFlag::AmbiguousModel);
+        flag(state.nearest() < 1.0, DenseFlag::TooNear);
+        flag(best_candidate.terms.size_deviation(state) > 3.0, DenseFlag::SizeAtPriorLimit);
+        flag(best_candidate.terms.ground_deviation(state) > 4.0, DenseFlag::OffGround);
+        flag(hidden > 0.0, DenseFlag::HiddenByUnlabelled);
+        let energies = (0..candidates.len()).map(|index| {
+            let of_model = found.iter().find(|h| h.model == index);
+            of_model.map(|h| h.scored.data / foreground).ok_or(NoPose::NoStart)
+        });
+        let is_free = matches!(extent, ExtentSource::Free(_));
+        Ok(DenseFit {
+            model: best.model,
+            camera_from_vehicle: state.pose(),
+            extent: state.extent(),
+            candidates: energies.collect(),
+            report: DenseReport {
+                energy,
+                foreground,
+                covariance: covariance.fixed_view::<6, 6>(0, 0).into(),
+                covariance_with_size: is_free.then_some(covariance),
+                confidence: uncertainty::confidence(
+                    energy,
+                    &model_probabilities,
+                    second_mode.as_ref(),
+                ),
+                model_probabilities,
+                second_mode,
+                flags,
+                pictures: work.pictures,
+            },
+        })
+    }
+
+    fn candidates<'a>(&'a self, extent: &ExtentSource, priors: &DensePriors) -> Vec<Candidate<'a>> {
+        let priors = priors.usable();
+        let candidate = |model: &'a DenseModel| {
+            let own = &model.extent;
+            let half = own.to_vector().component_mul(&extent.scale(own)) * 0.5;
+            let size = match extent {
+                ExtentSource::Free(prior) => SizeTerm::new(prior, own),
+                _ => None,
+            };
+            Candidate { model, half, terms: Terms { priors, size, noise: uncertainty::NOISE } }
+        };
+        self.models.iter().map(candidate).collect()
+    }
+
+    /// Fits again without what something unlabelled hides; says how much of the vehicle that is.
+    fn pass_occluders(
+        &self,
+        work: &mut Workspace,
+        pyramid: &mut Pyramid,
+        candidates: &[Candidate],
+        best: &mut Hypothesis,
+    ) -> f64 {
+        let fine = LEVELS.len() - 1;
+        let candidate = &candidates[best.model];
+        work.score(&pyramid.view(fine, candidate), &best.scored.state);
+        let hidden = occluders::hide(&mut pyramid.targets[fine], &work.raster);
+        if hidden > 0.0 {
+            let view = pyramid.view(fine, candidate);
+            let descent = work.descend(&view, &best.scored.state, LEVELS[fine].iterations);
+            best.scored = descent.end;
+            best.converged = descent.converged;
+        }
+        hidden
+    }
+}

@@ -9,6 +9,7 @@ use crate::pnp::PnpError;
 use crate::render::LabelRenderer;
 use crate::vehicle::{Mesh, ModelZoo};
 
+use super::dense::{DenseFit, DenseOptions, DensePriors, DenseReport, DenseZoo, SizePrior};
 use super::fit::{self, Fit, Problem};
 use super::visible::{self, View, Viewpoint};
 use super::{Center2d, Center3d, PartFilters, model_centers, part_evidence};
@@ -34,6 +35,9 @@ pub enum PnpMethod {
     Sqpnp,
     /// P3P on triples with outliers rejected, refined on the inliers.
     Ransac,
+    /// No correspondences: the drawn model against every probability ([`super::dense`]). Scaling, centres, filters and
+    /// `refine` have no say in it.
+    Dense,
 }
 
 /// How a pose is estimated; the defaults are the paper's last row of Table V.
@@ -54,6 +58,8 @@ pub struct PoseOptions {
     pub refine: bool,
     /// Seed of whatever is random (only RANSAC with many points is).
     pub seed: u64,
+    /// What the dense fit supposes; of no account to the others.
+    pub dense: DenseOptions,
 }
 
 impl Default for PoseOptions {
@@ -66,6 +72,7 @@ impl Default for PoseOptions {
             method: PnpMethod::Epnp,
             refine: false,
             seed: 0,
+            dense: DenseOptions::default(),
         }
     }
 }
@@ -79,6 +86,9 @@ pub enum ExtentSource {
     Given(Extent),
     /// Every model is scaled by one factor to the volume of this extent, and keeps its shape.
     GivenUniform(Extent),
+    /// Every model starts with the likely size and is stretched by what the mask says; only the dense fit can, the
+    /// others take it as [`Self::Model`].
+    Free(SizePrior),
 }
 
 impl ExtentSource {
@@ -86,6 +96,7 @@ impl ExtentSource {
     pub fn scale(&self, model: &Extent) -> Vector3 {
         match self {
             Self::Model => Vector3::repeat(1.0),
+            Self::Free(prior) => prior.mean.map_or(Vector3::repeat(1.0), |mean| mean.ratio(model)),
             Self::Given(extent) => extent.ratio(model),
             Self::GivenUniform(extent) => {
                 Vector3::repeat((extent.volume() / model.volume()).cbrt())
@@ -115,7 +126,7 @@ pub struct Candidate {
     /// Name of the model.
     pub model: String,
     /// What models are compared by, or why there is no pose: the root mean square reprojection error in pixels, where
-    /// an outlier of RANSAC counts as far as its threshold.
+    /// an outlier of RANSAC counts as far as its threshold; with the dense fit the energy per foreground cell.
     pub outcome: Result<f64, NoPose>,
 }
 
@@ -141,14 +152,16 @@ pub struct PoseEstimate {
     pub extent: Extent,
     /// Factors per axis that the model is scaled with.
     pub scale: Vector3,
-    /// Root mean square distance of projections and centres over the inliers, pixels.
-    pub reprojection_rmse: f64,
+    /// Root mean square distance of projections and centres over the inliers, pixels; `None` without correspondences.
+    pub reprojection_rmse: Option<f64>,
     /// The pose on the other side of the ambiguity that nearly flat parts leave, where it fits almost as well.
     pub alternative: Option<Alternative>,
-    /// What was used.
+    /// What was used; nothing with the dense fit.
     pub correspondences: Vec<PartCorrespondence>,
     /// All models in the order of the zoo.
     pub candidates: Vec<Candidate>,
+    /// What only the dense fit knows.
+    pub dense: Option<DenseReport>,
 }
 
 impl PoseEstimate {
@@ -181,6 +194,15 @@ pub enum NoPose {
     /// The box shows nothing of the image.
     #[error("the box of the detection lies outside the image")]
     OutsideImage,
+    /// Too little of the vehicle is seen for the dense fit.
+    #[error("{found:.1} cells of a 28 x 28 mask show the vehicle, too few to fit")]
+    TooLittleEvidence {
+        /// Cells that show it, in cells of a 28 x 28 kernel.
+        found: f64,
+    },
+    /// The dense fit could not place any model: no start lies in front of the camera.
+    #[error("no model could be placed in front of the camera")]
+    NoStart,
     /// The zoo has no model.
     #[error("there is no model to fit")]
     NoModel,
@@ -202,6 +224,7 @@ struct ModelEntry {
 pub struct PoseEstimator {
     options: PoseOptions,
     models: Vec<ModelEntry>,
+    dense: Option<DenseZoo>,
 }
 
 impl PoseEstimator {
@@ -218,7 +241,9 @@ impl PoseEstimator {
                 Center3d::Mass | Center3d::Cuboid => Vec::new(),
             },
         };
-        Self { options: *options, models: zoo.models.iter().map(entry).collect() }
+        let dense =
+            (options.method == PnpMethod::Dense).then(|| DenseZoo::new(zoo, &options.dense));
+        Self { options: *options, models: zoo.models.iter().map(entry).collect(), dense }
     }
 
     /// The options it was made with.
@@ -233,11 +258,25 @@ impl PoseEstimator {
         detection: &Detection,
         extent: &ExtentSource,
     ) -> Result<PoseEstimate, NoPose> {
+        self.estimate_with(camera, detection, extent, &DensePriors::default())
+    }
+
+    /// The same with what is known of the scene; only the dense fit makes use of it.
+    pub fn estimate_with(
+        &self,
+        camera: &Camera,
+        detection: &Detection,
+        extent: &ExtentSource,
+        priors: &DensePriors,
+    ) -> Result<PoseEstimate, NoPose> {
         if detection.bounds.area() <= 0.0 {
             return Err(NoPose::EmptyBox);
         }
         if detection.bounds.intersection(&camera.image_rect()).is_none() {
             return Err(NoPose::OutsideImage);
+        }
+        if let Some(dense) = &self.dense {
+            return self.dense_estimate(dense.fit(camera, detection, extent, priors)?);
         }
         let mask = detection.part_mask(camera.size, self.options.scaling);
         let mut parts = part_evidence(&mask, self.options.center_2d);
@@ -294,10 +333,31 @@ impl PoseEstimator {
             camera_from_vehicle: fit.camera_from_vehicle,
             extent: Extent::new(size.x, size.y, size.z),
             scale,
-            reprojection_rmse: fit.rmse,
+            reprojection_rmse: Some(fit.rmse),
             alternative,
             correspondences: correspondences.collect(),
             candidates,
+            dense: None,
+        })
+    }
+
+    fn dense_estimate(&self, fit: DenseFit) -> Result<PoseEstimate, NoPose> {
+        let model = self.models.get(fit.model).ok_or(NoPose::NoModel)?;
+        let candidate = |(model, energy): (&ModelEntry, &Result<f64, NoPose>)| Candidate {
+            model: model.name.clone(),
+            outcome: energy.clone(),
+        };
+        Ok(PoseEstimate {
+            model: model.name.clone(),
+            model_index: fit.model,
+            camera_from_vehicle: fit.camera_from_vehicle,
+            extent: fit.extent,
+            scale: fit.extent.ratio(&model.extent),
+            reprojection_rmse: None,
+            alternative: None,
+            correspondences: Vec::new(),
+            candidates: self.models.iter().zip(&fit.candidates).map(candidate).collect(),
+            dense: Some(fit.report),
         })
     }
 

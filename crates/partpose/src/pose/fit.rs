@@ -51,7 +51,8 @@ pub(super) fn solve(
     let camera = problem.camera;
     let mut inliers = vec![true; pairs.len()];
     let mut pose = match options.method {
-        PnpMethod::Epnp => pnp::epnp(&correspondences, camera)?,
+        // The dense fit never comes here; its correspondences would be solved like the paper's.
+        PnpMethod::Epnp | PnpMethod::Dense => pnp::epnp(&correspondences, camera)?,
         PnpMethod::Sqpnp => {
             let minima = pnp::sqpnp(&correspondences, camera)?;
             minima.first().ok_or(PnpError::BehindCamera)?.pose

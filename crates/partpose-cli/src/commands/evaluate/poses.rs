@@ -1,5 +1,6 @@
 //! `partpose evaluate poses`: the paper's Tables III to V, or one configuration.
 
+mod bias;
 mod frames;
 mod output;
 mod pictures;
@@ -58,6 +59,10 @@ pub(crate) struct Arguments {
     /// Where the size of a vehicle comes from
     #[arg(long, value_enum, default_value = "truth")]
     extent: ExtentFlag,
+    /// Worlds on which it is measured how far masks lie off the models' outlines, for the dense fit; with `--fold` on
+    /// the tracks of the other folds
+    #[arg(long, value_delimiter = ',', value_name = "WORLDS")]
+    mask_bias: Vec<String>,
     /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration
     #[arg(long, conflicts_with_all = ["kernel", "scaling", "refine", "points_2d", "points_3d", "filters"])]
     tables: bool,
@@ -87,6 +92,8 @@ enum ExtentFlag {
     TruthUniform,
     /// Models keep their own size
     Model,
+    /// Models are stretched by what the mask says, from their own size with its likely spread (dense fit only)
+    Free,
 }
 
 fn percent(text: &str) -> Result<f64, String> {
@@ -184,6 +191,16 @@ fn evaluate(
             (Some(_), None) => false,
             (None, _) => true,
         };
+        if !arguments.mask_bias.is_empty() {
+            let others = |frame: &Frame, vehicle: usize| {
+                dealt.is_none()
+                    || (frame.vehicles[vehicle].track.is_some() && !include(frame, vehicle))
+            };
+            let bias = bias::measure(arguments, dataset, zoo, *fold, &others)?;
+            for configuration in &mut configurations {
+                configuration.pose.dense.mask_bias = Some(bias);
+            }
+        }
         let keep = |frame: &Frame, index: usize| index == last && pictures.shows(frame);
         let options = options(arguments, zoo, &include, &keep);
         let bar = progress::bar("frames", frames.len() as u64);
@@ -224,6 +241,7 @@ fn options<'a>(
             ExtentFlag::Truth => TruthExtent::PerAxis,
             ExtentFlag::TruthUniform => TruthExtent::Uniform,
             ExtentFlag::Model => TruthExtent::None,
+            ExtentFlag::Free => TruthExtent::Free,
         },
         bounds: match arguments.bounds {
             BoxFlag::Annotated => OracleBox::Annotated,

@@ -17,12 +17,21 @@ pub(super) fn sequences(
     arguments: &Arguments,
     dataset: &Dataset,
 ) -> anyhow::Result<Vec<SequenceId>> {
+    sequences_of(&arguments.worlds, arguments, dataset)
+}
+
+/// The sequences of some worlds in the variations that were chosen.
+pub(super) fn sequences_of(
+    worlds: &[String],
+    arguments: &Arguments,
+    dataset: &Dataset,
+) -> anyhow::Result<Vec<SequenceId>> {
     let mut variations = arguments.variations.clone();
     let has_default = dataset.sequences().iter().any(|id| id.variation == DEFAULT_VARIATION);
     if variations.is_empty() && has_default {
         variations.push(DEFAULT_VARIATION.to_owned());
     }
-    Ok(dataset.select(&arguments.worlds, &variations)?)
+    Ok(dataset.select(worlds, &variations)?)
 }
 
 /// Every `stride`-th frame that has a part mask, and how many places were wrong; each is reported.

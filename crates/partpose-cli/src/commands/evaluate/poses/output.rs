@@ -110,6 +110,7 @@ fn settings(arguments: &Arguments) -> serde_json::Value {
         "box": name(arguments.bounds.to_possible_value()),
         "degrade_to_pixel_accuracy": arguments.degrade,
         "extent": name(arguments.extent.to_possible_value()),
+        "mask_bias_measured_on": arguments.mask_bias,
     })
 }
 
@@ -150,7 +151,8 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
         match (&row.outcome.estimate, &row.outcome.scored) {
             (Ok(estimate), Some(d)) => {
                 cells.push(estimate.model.clone());
-                cells.push(format!("{:.3}", estimate.reprojection_rmse));
+                let rmse = estimate.reprojection_rmse;
+                cells.push(rmse.map_or(String::new(), |rmse| format!("{rmse:.3}")));
                 let numbers = std::iter::once(d.iou3d).chain(d.translation).chain(d.rotation);
                 cells.extend(numbers.map(|value| format!("{value:.4}")));
                 cells.push(String::new());

@@ -4,22 +4,23 @@ use std::collections::BTreeMap;
 
 use crate::geometry::{Point3, Vector3};
 use crate::parts::PartClass;
-use crate::vehicle::Mesh;
+
+use super::Mesh;
 
 /// Triangles with x >= 0 whose border lies on the mirror plane x = 0.
 #[derive(Clone, Debug, Default)]
-pub(super) struct HalfMesh {
-    pub(super) vertices: Vec<Point3>,
+pub(crate) struct HalfMesh {
+    pub(crate) vertices: Vec<Point3>,
     /// Whether a vertex must stay on the mirror plane.
-    pub(super) on_plane: Vec<bool>,
+    pub(crate) on_plane: Vec<bool>,
     /// Counter-clockwise seen from outside.
-    pub(super) faces: Vec<[u32; 3]>,
+    pub(crate) faces: Vec<[u32; 3]>,
 }
 
 impl HalfMesh {
     /// Both halves. The first vertices and faces are those of this half, in order; then the mirrored faces, in order;
     /// `labels` are the ids of the parts of this half's faces (1 to 29), or empty.
-    pub(super) fn mirrored(&self, labels: &[u8]) -> Mesh {
+    pub(crate) fn mirrored(&self, labels: &[u8]) -> Mesh {
         let mut vertices = self.vertices.clone();
         let mut partner = Vec::with_capacity(vertices.len());
         for (n, vertex) in self.vertices.iter().enumerate() {
@@ -43,14 +44,14 @@ impl HalfMesh {
     }
 
     /// For every vertex of the mirrored mesh the vertex of this half that it moves with.
-    pub(super) fn sources(&self) -> Vec<u32> {
+    pub(crate) fn sources(&self) -> Vec<u32> {
         let own = 0..self.vertices.len() as u32;
         let mirrored = own.clone().filter(|n| !self.on_plane[*n as usize]);
         own.chain(mirrored).collect()
     }
 
     /// Area-weighted normals, of unit length, within the plane for vertices on it.
-    pub(super) fn normals(&self) -> Vec<Vector3> {
+    pub(crate) fn normals(&self) -> Vec<Vector3> {
         let mut normals = vec![Vector3::zeros(); self.vertices.len()];
         for face in &self.faces {
             let [a, b, c] = face.map(|n| self.vertices[n as usize]);
@@ -69,7 +70,7 @@ impl HalfMesh {
     }
 
     /// The neighbours of every vertex, sorted; those beyond the mirror plane are not listed.
-    pub(super) fn neighbours(&self) -> Vec<Vec<u32>> {
+    pub(crate) fn neighbours(&self) -> Vec<Vec<u32>> {
         let mut near = vec![Vec::new(); self.vertices.len()];
         for face in &self.faces {
             for i in 0..3 {
@@ -87,7 +88,7 @@ impl HalfMesh {
 }
 
 /// Pairs of faces that share an edge: edge, then the one or two faces.
-pub(super) fn edges(faces: &[[u32; 3]]) -> BTreeMap<[u32; 2], Vec<u32>> {
+pub(crate) fn edges(faces: &[[u32; 3]]) -> BTreeMap<[u32; 2], Vec<u32>> {
     let mut edges: BTreeMap<[u32; 2], Vec<u32>> = BTreeMap::new();
     for (n, face) in faces.iter().enumerate() {
         for i in 0..3 {

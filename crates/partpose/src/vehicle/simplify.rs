@@ -11,7 +11,9 @@ use std::collections::{BTreeMap, BinaryHeap};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::geometry::Point3;
+use crate::parts::PartClass;
 
+use super::Mesh;
 use super::half::{HalfMesh, edges};
 
 /// Weight of a border between parts against the surface itself.
@@ -75,6 +77,8 @@ impl PartialOrd for Candidate {
 }
 
 struct Collapser {
+    /// Whether vertices must keep to x > 0 or stay on the mirror plane.
+    is_half: bool,
     vertices: Vec<Point3>,
     on_plane: Vec<bool>,
     quadrics: Vec<Quadric>,
@@ -86,21 +90,22 @@ struct Collapser {
 }
 
 /// Collapses edges until at most `most` faces are left in the half; `labels` belong to the faces, or are empty.
-pub(super) fn simplify(half: &HalfMesh, labels: &[u8], most: usize) -> (HalfMesh, Vec<u8>) {
-    let mut collapser = Collapser::new(half, labels);
-    let mut left = half.faces.len();
-    while left > most {
-        let Some(Reverse(candidate)) = collapser.heap.pop() else { break };
-        let [a, b] = candidate.edge.map(|n| n as usize);
-        if [collapser.stamps[a], collapser.stamps[b]] == candidate.stamps {
-            left -= collapser.collapse(a, b);
-        }
-    }
-    collapser.finish(labels)
+pub(crate) fn simplify(half: &HalfMesh, labels: &[u8], most: usize) -> (HalfMesh, Vec<u8>) {
+    Collapser::new(half, labels, true).run(labels, most)
+}
+
+/// A mesh with at most `most` faces, where the rules of collapsing allow it; the mirror plane has no part in it.
+pub(crate) fn simplify_mesh(mesh: &Mesh, most: usize) -> Mesh {
+    let on_plane = vec![false; mesh.vertices.len()];
+    let whole = HalfMesh { vertices: mesh.vertices.clone(), on_plane, faces: mesh.faces.clone() };
+    let labels: Vec<u8> = mesh.parts.iter().map(|part| part.id()).collect();
+    let (whole, labels) = Collapser::new(&whole, &labels, false).run(&labels, most);
+    let parts = labels.into_iter().filter_map(PartClass::from_id).collect();
+    Mesh { vertices: whole.vertices, faces: whole.faces, parts }
 }
 
 impl Collapser {
-    fn new(half: &HalfMesh, labels: &[u8]) -> Self {
+    fn new(half: &HalfMesh, labels: &[u8], is_half: bool) -> Self {
         let count = half.vertices.len();
         let mut quadrics = vec![Quadric::default(); count];
         let mut around = vec![Vec::new(); count];
@@ -136,6 +141,7 @@ impl Collapser {
             }
         }
         let mut collapser = Self {
+            is_half,
             vertices: half.vertices.clone(),
             on_plane: half.on_plane.clone(),
             quadrics,
@@ -149,6 +155,19 @@ impl Collapser {
             collapser.push(edge[0], edge[1]);
         }
         collapser
+    }
+
+    /// Collapses the cheapest edge again and again until at most `most` faces are left.
+    fn run(mut self, labels: &[u8], most: usize) -> (HalfMesh, Vec<u8>) {
+        let mut left = self.faces.len();
+        while left > most {
+            let Some(Reverse(candidate)) = self.heap.pop() else { break };
+            let [a, b] = candidate.edge.map(|n| n as usize);
+            if [self.stamps[a], self.stamps[b]] == candidate.stamps {
+                left -= self.collapse(a, b);
+            }
+        }
+        self.finish(labels)
     }
 
     fn push(&mut self, a: u32, b: u32) {
@@ -207,7 +226,7 @@ impl Collapser {
         }
         let (target, _) = self.target(a, b);
         let plane = self.on_plane[a] || self.on_plane[b];
-        if !plane && target.x < 1e-4 {
+        if self.is_half && !plane && target.x < 1e-4 {
             return 0;
         }
         let bent = |n: usize| {
@@ -307,7 +326,7 @@ fn add_plane(
 }
 
 /// Splits edges at their middles until none is longer than `longest`.
-pub(super) fn refine(half: &HalfMesh, longest: f64) -> HalfMesh {
+pub(crate) fn refine(half: &HalfMesh, longest: f64) -> HalfMesh {
     let mut mesh = half.clone();
     loop {
         let mut middle = BTreeMap::new();

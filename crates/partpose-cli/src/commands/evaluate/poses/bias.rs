@@ -1,0 +1,51 @@
+//! How far masks lie off the models' outlines, for the dense fit.
+
+use partpose::dataset::folds::Fold;
+use partpose::dataset::{Dataset, Frame};
+use partpose::eval::measure_mask_bias;
+use partpose::files;
+use partpose::pose::dense::MaskBias;
+use partpose::vehicle::ModelZoo;
+
+use super::{Arguments, frames};
+use crate::report::{hint, note, warn};
+
+/// Every how many frames a mask is measured: neighbours say the same.
+const STRIDE: u32 = 3;
+
+/// Measures on the worlds asked for, and writes what `fit --mask-bias` reads.
+pub(super) fn measure(
+    arguments: &Arguments,
+    dataset: &Dataset,
+    zoo: &ModelZoo,
+    fold: Option<Fold>,
+    include: &(dyn Fn(&Frame, usize) -> bool + Sync),
+) -> anyhow::Result<MaskBias> {
+    let evaluated = frames::sequences(arguments, dataset)?;
+    let sequences = frames::sequences_of(&arguments.mask_bias, arguments, dataset)?;
+    if fold.is_none() && sequences.iter().any(|sequence| evaluated.contains(sequence)) {
+        warn(
+            "the mask bias is measured on frames that are evaluated, too: name other worlds, or a fold",
+        );
+    }
+    let (frames, _) = frames::read(dataset, &sequences, STRIDE)?;
+    let bias = measure_mask_bias(&frames, zoo, include).ok_or_else(|| {
+        hint(
+            anyhow::anyhow!("too few vehicles to measure the mask bias on"),
+            "at least 20 uncut vehicles between 8 and 60 m that no other hides are needed",
+        )
+    })?;
+    let name = match fold {
+        Some(fold) => format!("mask-bias-{}.json", fold.index),
+        None => "mask-bias.json".to_owned(),
+    };
+    let text = serde_json::to_string_pretty(&bias)?;
+    files::write(&arguments.out.join(&name), text.as_bytes())?;
+    let sides = |z: f64| bias.at(z).map(|side| format!("{side:+.2}")).join(", ");
+    note(format_args!(
+        "masks lie off the models by (left, top, right, bottom) {} px at 15 m, {} px at 40 m; wrote `{name}`",
+        sides(15.0),
+        sides(40.0)
+    ));
+    Ok(bias)
+}

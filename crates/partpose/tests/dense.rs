@@ -1,0 +1,175 @@
+//! The dense fit on made-up streets: exact masks, hidden and cut vehicles, priors, and bad input.
+
+use partpose::dataset::{Frame, SequenceId, VehicleLabel};
+use partpose::detection::Detection;
+use partpose::eval::pose_deviation;
+use partpose::geometry::{Camera, Cuboid, EulerAngles, Extent, Pose, Rect, Vector3};
+use partpose::oracle::{Degradation, Oracle, OracleOptions};
+use partpose::parts::{PartMask, PartProbabilities};
+use partpose::pose::dense::{DenseFlag, DensePriors, GravityPrior, GroundPrior, SizePrior};
+use partpose::pose::{ExtentSource, NoPose, PnpMethod, PoseEstimator, PoseOptions};
+use partpose::render::render_labels;
+use partpose::vehicle::ModelZoo;
+
+const CAMERA: Camera = Camera::pinhole(725.0, [620.5, 187.0], [1242, 375]);
+
+fn vehicle(zoo: &ModelZoo, index: usize, place: [f64; 2], yaw: f64) -> VehicleLabel {
+    let model = &zoo.models[index];
+    let e = model.extent();
+    let rotation = EulerAngles { x: 0.015, y: yaw, z: -0.01 }.to_rotation();
+    let cuboid = Cuboid {
+        camera_from_vehicle: Pose::from_parts(
+            Vector3::new(place[0], 1.6, place[1]).into(),
+            nalgebra::UnitQuaternion::from_rotation_matrix(&rotation),
+        ),
+        extent: Extent::new(0.97 * e.width, e.height, 1.04 * e.length),
+    };
+    let whole = cuboid.project(&CAMERA).expect("the vehicle is in front of the camera");
+    let bounds = whole.intersection(&CAMERA.image_rect()).expect("the vehicle is in the image");
+    VehicleLabel {
+        track: Some(index as u32),
+        category: "Car".to_owned(),
+        dont_care: false,
+        truncated: u8::from(bounds != whole),
+        occluded: 0,
+        truncation: 1.0 - bounds.area() / whole.area(),
+        occupancy: None,
+        bounds,
+        cuboid,
+        model: Some(model.name().to_owned()),
+        color: None,
+    }
+}
+
+/// The detection of the first vehicle of a street.
+fn detection(zoo: &ModelZoo, vehicles: Vec<VehicleLabel>, errors: Option<f64>) -> Detection {
+    let sequence = SequenceId { world: "street".to_owned(), variation: String::new() };
+    let mut frame = Frame::new(sequence, 0, CAMERA);
+    frame.vehicles = vehicles;
+    let image = render_labels(&CAMERA, &frame.instances(zoo));
+    let parts = PartMask { origin: [0, 0], size: image.size, labels: image.parts };
+    let oracle = Oracle::new(&frame, parts, zoo);
+    let degradation = errors.map(|strength| Degradation { strength, seed: 3 });
+    let options = OracleOptions { degradation, ..Default::default() };
+    oracle.detection(0, &options).expect("the vehicle is seen")
+}
+
+fn estimator(zoo: &ModelZoo) -> PoseEstimator {
+    PoseEstimator::new(zoo, &PoseOptions { method: PnpMethod::Dense, ..Default::default() })
+}
+
+#[test]
+fn exact_masks_give_model_and_pose() {
+    let zoo = ModelZoo::embedded();
+    let estimator = estimator(&zoo);
+    let mut sum = 0.0;
+    for i in 0..8 {
+        let (yaw, depth) = (f64::from(i) * 0.8 + 0.1, 9.0 + f64::from(i % 5) * 5.0);
+        let label = vehicle(&zoo, i as usize % 2, [f64::from(i % 3) * 2.0 - 2.0, depth], yaw);
+        let detection = detection(&zoo, vec![label.clone()], None);
+        let found = estimator
+            .estimate(&CAMERA, &detection, &ExtentSource::Given(label.cuboid.extent))
+            .unwrap();
+        assert_eq!(Some(found.model.as_str()), label.model.as_deref(), "vehicle {i}");
+        let deviation = pose_deviation(&found.cuboid(), &label.cuboid, true);
+        assert!(deviation.angle < 0.03, "vehicle {i}: {deviation:?}");
+        sum += deviation.iou3d;
+        let report = found.dense.unwrap();
+        assert!(report.energy < 0.1 && report.confidence > 0.5, "vehicle {i}: {report:?}");
+        assert!((report.model_probabilities.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+        assert!(report.covariance.cholesky().is_some());
+    }
+    assert!(sum / 8.0 > 0.93, "{}", sum / 8.0);
+}
+
+#[test]
+fn a_vehicle_that_another_hides_or_the_image_cuts_is_found() {
+    let zoo = ModelZoo::embedded();
+    let estimator = estimator(&zoo);
+    let hidden = vehicle(&zoo, 0, [0.0, 18.0], 0.6);
+    let front = vehicle(&zoo, 1, [1.6, 12.0], 0.4);
+    let cut = vehicle(&zoo, 0, [-5.6, 9.0], 0.5);
+    assert_eq!(cut.truncated, 1);
+    for (label, others) in [(hidden, vec![front]), (cut, vec![])] {
+        let street: Vec<VehicleLabel> = std::iter::once(label.clone()).chain(others).collect();
+        let detection = detection(&zoo, street, None);
+        let found = estimator
+            .estimate(&CAMERA, &detection, &ExtentSource::Given(label.cuboid.extent))
+            .unwrap();
+        let deviation = pose_deviation(&found.cuboid(), &label.cuboid, true);
+        assert!(deviation.iou3d > 0.8, "{deviation:?}");
+    }
+}
+
+#[test]
+fn the_same_detection_gives_the_same_bits() {
+    let zoo = ModelZoo::embedded();
+    let label = vehicle(&zoo, 1, [2.0, 15.0], 2.2);
+    let detection = detection(&zoo, vec![label.clone()], Some(0.9));
+    let extent = ExtentSource::Given(label.cuboid.extent);
+    let once = estimator(&zoo).estimate(&CAMERA, &detection, &extent).unwrap();
+    let again = estimator(&zoo).estimate(&CAMERA, &detection, &extent).unwrap();
+    assert_eq!(once, again);
+}
+
+#[test]
+fn an_unknown_size_is_bought_back_by_the_ground() {
+    let zoo = ModelZoo::embedded();
+    let estimator = estimator(&zoo);
+    let mut label = vehicle(&zoo, 0, [1.0, 16.0], 0.5);
+    let e = zoo.models[0].extent();
+    label.cuboid.extent = Extent::new(1.07 * e.width, 1.07 * e.height, 1.07 * e.length);
+    label.bounds = label.cuboid.project(&CAMERA).unwrap();
+    let detection = detection(&zoo, vec![label.clone()], None);
+    let free = ExtentSource::Free(SizePrior::around(None));
+    let z = |priors: &DensePriors| {
+        let found = estimator.estimate_with(&CAMERA, &detection, &free, priors).unwrap();
+        let report = found.dense.as_ref().unwrap();
+        assert!(report.covariance_with_size.is_some());
+        found.camera_from_vehicle.translation.z
+    };
+    let down = Vector3::y();
+    let ground = DensePriors {
+        gravity: Some(GravityPrior { down_in_camera: down, sigma: 0.03 }),
+        ground: Some(GroundPrior { normal_in_camera: down, offset: 1.6, sigma: 0.02 }),
+    };
+    let (without, with) = (z(&DensePriors::default()), z(&ground));
+    assert!((with - 16.0).abs() < 0.35, "{with}");
+    assert!((without - 16.0).abs() > 2.0 * (with - 16.0).abs(), "{without} {with}");
+}
+
+#[test]
+fn bad_detections_have_reasons_and_no_panic() {
+    let zoo = ModelZoo::embedded();
+    let estimator = estimator(&zoo);
+    let label = vehicle(&zoo, 0, [0.0, 15.0], 0.3);
+    let good = detection(&zoo, vec![label.clone()], None);
+    let extent = ExtentSource::Given(label.cuboid.extent);
+    let fit = |detection: &Detection| estimator.estimate(&CAMERA, detection, &extent);
+    let mut background = vec![0.0; 30 * 28 * 28];
+    background[..28 * 28].fill(1.0);
+    let empty = Detection {
+        probabilities: PartProbabilities::new(28, background).unwrap(),
+        ..good.clone()
+    };
+    assert!(matches!(fit(&empty), Err(NoPose::TooLittleEvidence { .. })));
+    let blind = Detection { unknown: Some(vec![1.0; 28 * 28]), ..good.clone() };
+    assert!(matches!(fit(&blind), Err(NoPose::TooLittleEvidence { .. })));
+    for bounds in [
+        Rect::new(f64::NAN, 0.0, 10.0, 10.0),
+        Rect::new(10.0, 10.0, 10.0, 20.0),
+        Rect::new(-500.0, -500.0, -400.0, -400.0),
+    ] {
+        assert!(fit(&Detection { bounds, ..good.clone() }).is_err());
+    }
+    let odd = Detection { unknown: Some(vec![f32::NAN; 28 * 28]), ..good.clone() };
+    drop(fit(&odd));
+    // One part everywhere: some pose comes out, and says that it is not to be trusted.
+    let mut hood = vec![0.0; 30 * 28 * 28];
+    hood[27 * 28 * 28..28 * 28 * 28].fill(1.0);
+    let hood =
+        Detection { probabilities: PartProbabilities::new(28, hood).unwrap(), ..good.clone() };
+    let found = fit(&hood).unwrap().dense.unwrap();
+    assert!(found.flags.contains(&DenseFlag::PoorFit), "{found:?}");
+    assert!(found.confidence < 0.5);
+}
