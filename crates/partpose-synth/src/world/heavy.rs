@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::random::random;
 use super::shapes::{Shape, V, p};
-use super::stuff::{Prop, dark_glass, matt, metal, shade, smooth};
+use super::stuff::{Prop, dark_glass, metal, shade, smooth};
 use crate::scene::{Material, SegmentClass};
 
 const PAINT: u16 = 0;

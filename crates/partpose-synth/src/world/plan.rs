@@ -126,6 +126,12 @@ fn winding(vary: Vary, bend: f64, rise: f64, length: f64) -> Path {
     Path::new([-120.0, length], heading, height)
 }
 
+/// The plan of a world with one road, whose first lane is the camera's.
+fn one_road(path: Path, lanes: Vec<Lane>) -> Plan {
+    let lanes = lanes.into_iter().map(|lane| (0, lane)).collect();
+    Plan { paths: vec![path], lanes, own_lane: Some(0), stand: 0.0 }
+}
+
 fn urban(vary: Vary, duration: f64) -> Plan {
     let speed = vary(20, 6.0, 10.0);
     let path = winding(vary, 0.16, 0.9, speed * duration * 1.2 + 500.0);
@@ -136,7 +142,7 @@ fn urban(vary: Vary, duration: f64) -> Plan {
         Lane { right: LANE + 1.15, gap: vary(21, 5.9, 6.6), empty: vary(22, 0.12, 0.45), ..NOBODY },
         Lane { right: -LANE - 1.15, forward: false, gap: vary(23, 5.9, 6.6), empty: vary(24, 0.08, 0.3), ..NOBODY },
     ];
-    Plan { paths: vec![path], lanes, own_lane: Some(0), stand: 0.0 }
+    one_road(path, lanes)
 }
 
 fn intersection(vary: Vary) -> Plan {
@@ -193,7 +199,7 @@ fn forest(vary: Vary, duration: f64) -> Plan {
         Lane { right: half, speed, gap: 7.6, delay: 1.25, empty: 0.25, heavy: 0.04, ..NOBODY },
         Lane { right: -half, forward: false, speed: speed * 1.05, gap: 20.0, delay: 1.8, empty: 0.3, heavy: 0.08, ..NOBODY },
     ];
-    Plan { paths: vec![path], lanes, own_lane: Some(0), stand: 0.0 }
+    one_road(path, lanes)
 }
 
 /// Width of a lane of a motorway, metres.
@@ -224,7 +230,7 @@ fn highway(vary: Vary, duration: f64) -> Plan {
         lane(other(0.0), false, 1.0, 0.06, 0.3),
         lane(other(1.0), false, 0.9, 0.16, 0.3),
     ];
-    Plan { paths: vec![path], lanes, own_lane: Some(0), stand: 0.0 }
+    one_road(path, lanes)
 }
 
 /// Where the sun of a world stands: azimuth from z towards x and elevation, radians.

@@ -83,7 +83,8 @@ fn leafy_crown(
         for _ in 0..cards {
             let out = self::direction(rng);
             let center = at + out * (radius * rng.random_range(0.35_f32..1.0));
-            card(shape, rng, center, out, rng.random_range(0.55_f32..0.9));
+            let half = rng.random_range(0.55_f32..0.9);
+            card(shape, rng, center, out, half);
         }
     }
 }
