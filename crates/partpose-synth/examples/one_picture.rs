@@ -7,6 +7,7 @@ use std::time::Instant;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use partpose::geometry::{Camera, Pose};
 use partpose::vehicle::ModelZoo;
+use partpose_synth::camera::{CameraEffects, photograph};
 use partpose_synth::scene::{
     Air, Light, Material, Object, Scene, SegmentClass, SurfaceMesh, Texture,
 };
@@ -28,14 +29,11 @@ fn main() {
         let picture = render(&scene, &options);
         println!("{name}: {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
         if name == "fine" {
-            let [width, height] = picture.size;
-            let image = image::RgbImage::from_fn(width, height, |x, y| {
-                let color = picture.color[(y * width + x) as usize];
-                image::Rgb(color.map(|value| {
-                    let value = 1.0 - (-value * 1.6).exp();
-                    (255.0 * value.clamp(0.0, 1.0).powf(1.0 / 2.2)) as u8
-                }))
-            });
+            let start = Instant::now();
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let effects = CameraEffects::random(&mut rng, scene.air.rain);
+            let image = photograph(&scene, &picture, &effects, seed);
+            println!("camera: {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
             if let Err(error) = image.save(&out) {
                 println!("{out}: {error}");
             }
