@@ -9,7 +9,7 @@ mod contact;
 pub(crate) mod depth_map;
 mod environment;
 mod labels;
-mod noise;
+pub(crate) mod noise;
 mod pixels;
 mod raster;
 mod shadow;

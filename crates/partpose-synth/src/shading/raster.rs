@@ -229,7 +229,7 @@ fn span(mut values: [i64; 3], edges: &[[i64; 3]; 3], x0: i64, x1: i64) -> (i64, 
         }
         return (from, to);
     }
-    let mut advance = |values: &mut [i64; 3]| {
+    let advance = |values: &mut [i64; 3]| {
         for (value, edge) in values.iter_mut().zip(edges) {
             *value += edge[1];
         }
