@@ -10,6 +10,7 @@ mod frame;
 mod manifest;
 mod rows;
 mod sequences;
+mod sheet;
 mod statistics;
 
 use std::path::{Path, PathBuf};
@@ -25,6 +26,7 @@ use crate::shading::RenderOptions;
 use crate::world::{CameraOptions, Fleet, LayoutError, SceneKind, Variation};
 
 pub use manifest::MANIFEST;
+pub use sheet::contact_sheets;
 pub use statistics::{Statistics, statistics, statistics_table};
 
 /// Folder with the models of the vehicles, beside the archives.
@@ -47,6 +49,8 @@ pub struct SynthOptions {
     pub variations: Vec<Variation>,
     /// The camera.
     pub camera: CameraOptions,
+    /// Whether pictures show what lenses, sensors and files add; else the camera only exposes.
+    pub effects: bool,
     /// How pictures are drawn.
     pub render: RenderOptions,
     /// A data set whose camera paths and vehicles are taken instead of random ones.
@@ -67,6 +71,7 @@ impl Default for SynthOptions {
             worlds: 1,
             variations: Variation::ALL.to_vec(),
             camera: CameraOptions::default(),
+            effects: true,
             render: RenderOptions::default(),
             layout: None,
             threads: 0,

@@ -41,6 +41,8 @@ pub use plan::{SceneKind, UnknownScene};
 pub use replay::{Layout, LayoutError};
 pub use variation::{UnknownVariation, Variation};
 
+pub(crate) use random::hash;
+
 use fleet::Vehicle;
 use plan::Plan;
 use population::Candidate;

@@ -7,12 +7,15 @@ use partpose::dataset::SequenceId;
 use partpose::files::{self, RgbImage};
 use partpose::geometry::Camera;
 use partpose::parts::PartClass;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 
 use super::rows::{self, FrameRows};
 use super::sequences::PlannedWorld;
 use super::{SynthError, SynthOptions, fragments};
+use crate::camera::{CameraEffects, photograph};
 use crate::shading::{self, Rendered};
-use crate::world::{CameraOptions, Moment, Variation, World};
+use crate::world::{CameraOptions, Moment, Variation, World, hash};
 
 /// Depth that stands for the sky, centimetres.
 const FAR: u16 = u16::MAX;
@@ -31,8 +34,7 @@ pub(super) fn write(
     let file = |archive: &str| {
         out.join(archive).join(&id.world).join(&id.variation).join(format!("{index:05}.png"))
     };
-    let photograph = crate::photograph(&moment.scene, &rendered, options.seed, id, index);
-    files::write_png(&file("vkitti_1.3.1_rgb"), &photograph)?;
+    files::write_png(&file("vkitti_1.3.1_rgb"), &photographed(&moment, &rendered, id, index, options))?;
     files::write_png(&file("vkitti_1.3.1_scenegt"), &segments(&rendered, &moment))?;
     files::write_png(&file("parts"), &parts(&rendered))?;
     files::write(&file("vkitti_1.3.1_depthgt"), &depth_png(&rendered))?;
@@ -64,6 +66,26 @@ pub(super) fn frame_rows(index: u32, rendered: &Rendered, moment: &Moment) -> Fr
         extrinsics: rows::extrinsics(index, &scene.world_from_camera),
         vehicles: seen.filter_map(row).collect(),
     }
+}
+
+/// The picture as the camera of the sequence takes it.
+fn photographed(
+    moment: &Moment,
+    rendered: &Rendered,
+    id: &SequenceId,
+    index: u32,
+    options: &SynthOptions,
+) -> RgbImage {
+    let words: Vec<i64> = id.to_string().bytes().map(i64::from).collect();
+    let seed = hash(options.seed, &words);
+    let effects = if options.effects {
+        CameraEffects::random(&mut ChaCha8Rng::seed_from_u64(seed), moment.scene.air.rain)
+    } else {
+        CameraEffects::default()
+    };
+    let seed = hash(seed, &[i64::from(index)]);
+    let image = photograph(&moment.scene, rendered, &effects, seed);
+    RgbImage { size: [image.width(), image.height()], pixels: image.into_raw() }
 }
 
 fn segments(rendered: &Rendered, moment: &Moment) -> RgbImage {

@@ -62,6 +62,7 @@ fn describe(options: &SynthOptions, zoo: &ModelZoo) -> Map<String, Value> {
         ("camera_pitch", json!(camera.pitch)),
         ("camera_roll", json!(camera.roll)),
         ("camera_spread", json!(camera.spread)),
+        ("effects", json!(options.effects)),
         ("anti_aliasing", json!(options.render.anti_aliasing)),
         ("shadows", json!(options.render.shadows)),
         ("layout", json!(options.layout.as_ref().map(|path| path.display().to_string()))),
