@@ -275,7 +275,7 @@ impl World {
                 found.push(if lane.is_heavy(self.seed, place.index) {
                     let heavies = self.scenery.heavies();
                     let heavy = &heavies[lane.choice(self.seed, place.index, heavies.len())];
-                    Candidate::Other(heavy.prop.at(place.world_from_vehicle))
+                    Candidate::Other(heavy.at(place.world_from_vehicle))
                 } else {
                     let vehicle = self.fleet.vehicle(self.seed, &lane.words(place.index));
                     Candidate::Vehicle { vehicle, place, track: lane.track(place.index) }

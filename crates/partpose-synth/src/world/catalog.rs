@@ -5,7 +5,7 @@ use super::furniture::{
     bin, bollard, concrete_barrier, delineator, gantry, guard_rail, lamp_post, sign, signboard,
     traffic_light,
 };
-use super::heavy::{Heavy, heavy};
+use super::heavy::heavy;
 use super::people::{cyclist, pedestrian};
 use super::plants::{Species, bush, hedge, tree, tuft};
 use super::random::hash;
@@ -26,7 +26,7 @@ pub(crate) struct Catalog {
     pub(crate) bins: Vec<Prop>,
     pub(crate) people: Vec<Prop>,
     pub(crate) cyclists: Vec<Prop>,
-    pub(crate) heavies: Vec<Heavy>,
+    pub(crate) heavies: Vec<Prop>,
     /// Red, then green; without arm, with arm.
     pub(crate) lights: [Prop; 4],
     pub(crate) lamp_post: Prop,

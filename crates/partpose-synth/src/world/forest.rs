@@ -24,21 +24,22 @@ pub(crate) fn furnish(site: &mut Site, clear: f64) {
     let rail = rng.random_range(0..5);
     for side in [-1.0, 1.0] {
         let begin = edge + (TREES - EDGE);
-        for _ in 0..30 {
+        for _ in 0..24 {
             // More of them near the road, where they are seen.
             let far = rng.random_range(0.0_f64..1.0);
             let right = begin + 38.0 * far * far;
             let s = rng.random_range(range[0]..range[1]);
-            let tree = &catalog.forest_trees[rng.random_range(0..catalog.forest_trees.len())];
+            let pool = if rng.random_bool(0.3) { &catalog.street_trees } else { &catalog.forest_trees };
+            let tree = &pool[rng.random_range(0..pool.len())];
             let up = lift(s, side * right) - 0.1;
             site.put(tree, [s, side * right, up], rng.random_range(0.0..6.0), rng.random_range(0.7..1.25));
         }
-        for _ in 0..14 {
+        for _ in 0..24 {
             let right = begin - 0.6 + rng.random_range(0.0_f64..12.0);
             let s = rng.random_range(range[0]..range[1]);
             let bush = &catalog.bushes[rng.random_range(0..catalog.bushes.len())];
             let up = lift(s, side * right);
-            site.put(bush, [s, side * right, up], rng.random_range(0.0..6.0), rng.random_range(0.5..1.4));
+            site.put(bush, [s, side * right, up], rng.random_range(0.0..6.0), rng.random_range(0.6..2.0));
         }
         for _ in 0..34 {
             let right = edge + 0.9 + rng.random_range(0.0_f64..5.0);

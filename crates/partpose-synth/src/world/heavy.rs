@@ -20,24 +20,16 @@ const TAIL: u16 = 6;
 const LAMP: u16 = 7;
 const STRIPE: u16 = 8;
 
-/// A large vehicle and how long it is, metres.
-#[derive(Clone, Debug)]
-pub(crate) struct Heavy {
-    pub(crate) prop: Prop,
-    pub(crate) length: f64,
-}
-
 /// A lorry, an articulated lorry, a bus or a coach.
-pub(crate) fn heavy(seed: u64) -> Heavy {
+pub(crate) fn heavy(seed: u64) -> Prop {
     let mut rng = random(seed, &[0x6ea7]);
     let mut shape = Shape::default();
-    let length = match rng.random_range(0..4) {
+    match rng.random_range(0..4) {
         0 => bus(&mut shape, &mut rng),
-        1 => articulated(&mut shape, &mut rng),
+        1 => articulated(&mut shape),
         _ => lorry(&mut shape, &mut rng),
-    };
-    let prop = Prop { mesh: shape.finish(), materials: materials(&mut rng), class: SegmentClass::Truck };
-    Heavy { prop, length: f64::from(length) }
+    }
+    Prop { mesh: shape.finish(), materials: materials(&mut rng), class: SegmentClass::Truck }
 }
 
 fn materials(rng: &mut ChaCha8Rng) -> std::sync::Arc<[Material]> {
@@ -67,26 +59,26 @@ fn materials(rng: &mut ChaCha8Rng) -> std::sync::Arc<[Material]> {
     .into()
 }
 
-fn lorry(shape: &mut Shape, rng: &mut ChaCha8Rng) -> f32 {
+fn lorry(shape: &mut Shape, rng: &mut ChaCha8Rng) {
     let length = rng.random_range(6.2_f32..9.0);
     let (front, rear) = (0.5 * length, -0.5 * length);
     let half = rng.random_range(1.05_f32..1.24);
     let height = rng.random_range(2.7_f32..3.6);
     cab(shape, front, half, height.min(2.75));
-    cargo(shape, rng, [rear + 0.1, front - 1.9], half, height);
+    let stripe = rng.random_bool(0.5).then(|| [rng.random_range(0.5_f32..0.75), rng.random_range(0.25_f32..0.8)]);
+    cargo(shape, stripe, [rear + 0.1, front - 1.9], half, height);
     shape.block(p(-0.45, -0.95, rear + 0.2), p(0.45, -0.6, front - 0.4), BLACK);
     for z in [front - 1.2, rear + 1.4] {
         axle(shape, z, half, 0.48);
     }
     rear_end(shape, rear, half);
-    length
 }
 
-fn articulated(shape: &mut Shape, rng: &mut ChaCha8Rng) -> f32 {
+fn articulated(shape: &mut Shape) {
     let length = 15.5;
     let (front, rear) = (0.5 * length, -0.5 * length);
     cab(shape, front, 1.24, 3.6);
-    cargo(shape, rng, [rear + 0.1, front - 2.7], 1.26, 3.95);
+    cargo(shape, None, [rear + 0.1, front - 2.7], 1.26, 3.95);
     shape.block(p(-0.5, -1.1, rear + 0.2), p(0.5, -0.6, front - 0.4), BLACK);
     for z in [front - 1.4, front - 4.6, rear + 1.6, rear + 2.9, rear + 4.2] {
         axle(shape, z, 1.24, 0.50);
@@ -96,7 +88,6 @@ fn articulated(shape: &mut Shape, rng: &mut ChaCha8Rng) -> f32 {
         shape.block(p(x - 0.02, -1.0, rear + 5.2), p(x + 0.02, -0.45, front - 5.6), STEEL);
     }
     rear_end(shape, rear, 1.26);
-    length
 }
 
 fn cab(shape: &mut Shape, front: f32, half: f32, height: f32) {
@@ -128,11 +119,11 @@ fn cab(shape: &mut Shape, front: f32, half: f32, height: f32) {
     shape.block(p(l, -0.6, front - 0.1), p(r, -0.35, front + 0.06), BLACK);
 }
 
-fn cargo(shape: &mut Shape, rng: &mut ChaCha8Rng, [back, front]: [f32; 2], half: f32, height: f32) {
+/// A box with doors at the back; the stripe is given by its height as a share and its width.
+fn cargo(shape: &mut Shape, stripe: Option<[f32; 2]>, [back, front]: [f32; 2], half: f32, height: f32) {
     shape.block(p(-half, -height, back), p(half, -1.05, front), BOX);
-    if rng.random_bool(0.5) {
-        let y = -height * rng.random_range(0.5_f32..0.75);
-        let tall = rng.random_range(0.25_f32..0.8);
+    if let Some([share, tall]) = stripe {
+        let y = -height * share;
         let x = half + 0.006;
         shape.block(p(-x, y - tall, back + 0.5), p(x, y, front - 0.5), STRIPE);
     }
@@ -165,7 +156,7 @@ fn axle(shape: &mut Shape, z: f32, half: f32, radius: f32) {
     }
 }
 
-fn bus(shape: &mut Shape, rng: &mut ChaCha8Rng) -> f32 {
+fn bus(shape: &mut Shape, rng: &mut ChaCha8Rng) {
     let length = rng.random_range(10.5_f32..12.2);
     let (front, rear) = (0.5 * length, -0.5 * length);
     let (half, height) = (1.26, rng.random_range(2.95_f32..3.5));
@@ -205,5 +196,4 @@ fn bus(shape: &mut Shape, rng: &mut ChaCha8Rng) -> f32 {
         }
         axle(shape, z, half + 0.03, 0.48);
     }
-    length
 }

@@ -24,8 +24,8 @@ pub(crate) fn tree(seed: u64, species: Species) -> Prop {
     let mut rng = random(seed, &[0x7ee, species as i64]);
     let mut shape = Shape::default();
     let (bark, leaves) = match species {
-        Species::Street => (3.0..3.6, [0.055, 0.105, 0.022]),
-        Species::Forest => (9.0..11.0, [0.045, 0.090, 0.020]),
+        Species::Street => (3.0..3.6, [0.060, 0.105, 0.024]),
+        Species::Forest => (7.0..10.0, [0.045, 0.090, 0.020]),
         Species::Fir => (13.0..14.0, [0.016, 0.042, 0.016]),
     };
     let height: f32 = rng.random_range(bark);
@@ -39,8 +39,8 @@ pub(crate) fn tree(seed: u64, species: Species) -> Prop {
     shape.tube([p(0.0, 0.3, 0.0), top], [radius, radius * 0.55], 8, 0);
     match species {
         Species::Fir => fir_crown(&mut shape, &mut rng, height),
-        Species::Street => leafy_crown(&mut shape, &mut rng, top, [2.6, 2.4], [17, 15]),
-        Species::Forest => leafy_crown(&mut shape, &mut rng, top, [2.9, 3.6], [18, 16]),
+        Species::Street => leafy_crown(&mut shape, &mut rng, top, [2.6, 2.4], [22, 24]),
+        Species::Forest => leafy_crown(&mut shape, &mut rng, top, [2.9, 3.6], [22, 22]),
     }
     let tint = rng.random_range(0.8_f32..1.25);
     let warm = rng.random_range(0.9_f32..1.35);
@@ -56,10 +56,10 @@ pub(crate) fn tree(seed: u64, species: Species) -> Prop {
     }
 }
 
-/// Leaves of a colour: some light comes through them.
+/// Leaves of a colour; light comes through between them.
 fn foliage(color: [f32; 3], cover: f32, size: f32) -> Material {
     let leaves = textured(color, Texture::Leaves { cover, size });
-    Material { roughness: 0.7, transmission: 0.25, ..leaves }
+    Material { roughness: 0.95, ..leaves }
 }
 
 /// Branches, and clusters of cards at their ends, within an ellipsoid around a point above `top`.
@@ -83,8 +83,10 @@ fn leafy_crown(
         for _ in 0..cards {
             let out = self::direction(rng);
             let center = at + out * (radius * rng.random_range(0.35_f32..1.0));
-            let half = rng.random_range(0.55_f32..0.9);
-            card(shape, rng, center, out, half);
+            let half = rng.random_range(0.4_f32..0.7);
+            // Lit as the crown is, with its own cluster a little.
+            let lit = (center - middle).try_normalize(1e-3).unwrap_or(out) + out * 0.5;
+            card(shape, rng, center, lit, half);
         }
     }
 }
@@ -116,12 +118,12 @@ fn fir_crown(shape: &mut Shape, rng: &mut ChaCha8Rng, height: f32) {
 pub(crate) fn bush(seed: u64) -> Prop {
     let mut rng = random(seed, &[0xb05]);
     let mut shape = Shape::default();
-    for _ in 0..110 {
+    for _ in 0..170 {
         let out = direction(&mut rng);
         let up = -out.y.abs();
         let far = rng.random_range(0.5_f32..1.0);
         let at = p(out.x * 0.75 * far, up * 1.05 * far - 0.05, out.z * 0.75 * far);
-        let size = rng.random_range(0.28_f32..0.5);
+        let size = rng.random_range(0.2_f32..0.36);
         card(&mut shape, &mut rng, at, out, size);
     }
     let tint = rng.random_range(0.75_f32..1.2);
@@ -187,7 +189,7 @@ fn card(shape: &mut Shape, rng: &mut ChaCha8Rng, center: P, out: V, half: f32) {
     // Their own place in the pattern, so that no two cards are alike.
     let start = [rng.random_range(0.0_f32..50.0), rng.random_range(0.0_f32..50.0)];
     let corners = [center - (u + v) * half, center + (u - v) * half, center + (u + v) * half, center - (u - v) * half];
-    shape.panel(corners, start, normal, 1);
+    shape.leaf_card(corners, start, out, 1);
 }
 
 /// A unit vector, every direction as likely.

@@ -12,7 +12,6 @@ use super::fleet::Fleet;
 use super::path::Path;
 use super::plan::SceneKind;
 use super::population::Candidate;
-use super::random::hash;
 use super::traffic::Place;
 
 /// Distance within which vehicles tell the height of the ground under the camera, metres.
@@ -214,10 +213,4 @@ fn last_direction(line: &[Point3<f64>]) -> Option<Vector3<f64>> {
 fn first_direction(line: &[Point3<f64>]) -> Option<Vector3<f64>> {
     let [a, b, ..] = line else { return None };
     (b - a).try_normalize(1e-9)
-}
-
-/// The seed of a layout's world, so that another sequence looks different.
-pub(crate) fn layout_seed(seed: u64, sequence: &SequenceId) -> u64 {
-    let name = sequence.to_string();
-    hash(seed, &name.bytes().map(i64::from).collect::<Vec<_>>())
 }

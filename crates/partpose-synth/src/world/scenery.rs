@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::catalog::Catalog;
-use super::heavy::Heavy;
 use super::plan::{CROSSING, Plan, SceneKind};
 use super::replay::Layout;
 use super::site::{PIECE, Site};
+use super::stuff::Prop;
 use super::{crossroads, forest, motorway, urban};
 use crate::scene::Object;
 
@@ -48,7 +48,7 @@ impl Scenery {
         &self.catalog
     }
 
-    pub(crate) fn heavies(&self) -> &[Heavy] {
+    pub(crate) fn heavies(&self) -> &[Prop] {
         &self.catalog.heavies
     }
 

@@ -32,11 +32,6 @@ impl Shape {
         Arc::new(self.mesh)
     }
 
-    /// Whether there is nothing yet.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.mesh.faces.is_empty()
-    }
-
     /// A flat quadrangle whose corners go round; it faces `out`. `uv` are the texture's coordinates of the corners.
     pub(crate) fn quad(&mut self, corners: [P; 4], uv: [[f32; 2]; 4], out: V, material: u16) {
         let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]))
@@ -51,6 +46,15 @@ impl Shape {
         let faces = if turned { [[0, 2, 1], [0, 3, 2]] } else { [[0, 1, 2], [0, 2, 3]] };
         for face in faces {
             self.face(face.map(|i| first + i), material);
+        }
+    }
+
+    /// As [`Self::quad`], but light falls on it as on a surface that faces `normal`: leaves of a crown are lit as the crown.
+    pub(crate) fn leaf_card(&mut self, corners: [P; 4], start: [f32; 2], normal: V, material: u16) {
+        let first = self.mesh.vertices.len();
+        self.panel(corners, start, normal, material);
+        for own in &mut self.mesh.normals[first..] {
+            *own = (*own * 0.5 + normal).try_normalize(1e-6).unwrap_or(*own);
         }
     }
 

@@ -8,7 +8,7 @@ use super::catalog::Catalog;
 use super::path::Path;
 use super::random::random;
 use super::street::{Strip, ribbon};
-use super::stuff::{Prop, matt, noisy, textured};
+use super::stuff::{Prop, noisy, textured};
 use crate::scene::{Material, Object, SegmentClass, Texture};
 
 /// Length of the pieces that roads are furnished in, metres.
@@ -33,10 +33,10 @@ pub(crate) fn grounds() -> [Material; 9] {
         Material { roughness: 0.7, ..noisy([0.62, 0.62, 0.60], [0.34, 0.34, 0.33], 0.35) },
         asphalt([0.060, 0.060, 0.062]),
         Material { metallic: 0.6, roughness: 0.6, ..noisy([0.11, 0.10, 0.095], [0.05, 0.045, 0.04], 0.05) },
-        textured([0.085, 0.125, 0.035], Texture::Grass),
+        textured([0.062, 0.082, 0.030], Texture::Grass),
         textured([0.27, 0.26, 0.25], Texture::Slabs { size: [0.4, 0.4], joint: 0.008 }),
         Material { roughness: 0.85, ..textured([0.34, 0.335, 0.32], Texture::Slabs { size: [1.0, 0.3], joint: 0.008 }) },
-        noisy([0.105, 0.080, 0.052], [0.055, 0.048, 0.028], 0.9),
+        noisy([0.060, 0.050, 0.030], [0.030, 0.042, 0.018], 1.4),
         Material { dirt: 0.2, ..noisy([0.24, 0.22, 0.19], [0.15, 0.14, 0.12], 0.15) },
     ]
 }
@@ -113,9 +113,4 @@ pub(crate) fn hills(edge: f64, height: f64) -> impl Fn(f64, f64) -> f64 {
 /// No bumps at all.
 pub(crate) fn level(_: f64, _: f64) -> f64 {
     0.0
-}
-
-/// A material of its own for walls of earth far away.
-pub(crate) fn distant() -> Material {
-    matt([0.07, 0.09, 0.05])
 }
