@@ -27,6 +27,7 @@ const SEAL: f32 = 0.011;
 const DUST: [f32; 3] = [0.16, 0.135, 0.105];
 
 /// What there is of light.
+#[derive(Clone, Copy)]
 pub(super) struct Lighting<'a> {
     pub(super) sky: &'a Sky,
     pub(super) environment: &'a Environment,
@@ -34,6 +35,8 @@ pub(super) struct Lighting<'a> {
     pub(super) blocks: &'a [Block],
     pub(super) air: Air,
     pub(super) world_from_camera: Matrix3<f32>,
+    /// Where the eye is, relative to the camera.
+    pub(super) shift: V,
     /// Metres a pixel at a depth of one metre.
     pub(super) pixel: f32,
     /// Light of fog in front of the dark.
@@ -91,9 +94,9 @@ impl<'a> Spot<'a> {
         let weights = [1.0 - wb - wc, wb, wc];
         let place_in_camera = a + ab * wb + ac * wc;
         let depth = place_in_camera.z.max(0.05);
-        let place = lighting.world_from_camera * place_in_camera;
-        let distance = place.norm().max(1e-6);
-        let to_eye = place / -distance;
+        let from_eye = lighting.world_from_camera * place_in_camera;
+        let to_eye = from_eye / -from_eye.norm().max(1e-6);
+        let place = from_eye + lighting.shift;
         let flat = lighting.world_from_camera * ab.cross(&ac);
         let flat = flat.try_normalize(0.0).unwrap_or_else(|| -V::y());
         let mixed = |values: [V; 3]| values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2];

@@ -30,7 +30,6 @@ pub(super) struct Seen<'a> {
     pub(super) ground: f32,
     /// Middle of its vertices, camera coordinates.
     pub(super) center: V,
-    pub(super) radius: f32,
 }
 
 /// A triangle on the screen.
@@ -128,7 +127,6 @@ pub(super) fn seen<'a>(
             world_from_normal,
             ground: ground as f32,
             center: center.coords.cast(),
-            radius: radius as f32,
         })
     };
     let pairs: Vec<_> = scene.objects.iter().zip(bounds).collect();
