@@ -9,6 +9,7 @@ mod contact;
 pub(crate) mod depth_map;
 mod environment;
 mod labels;
+mod mirror;
 pub(crate) mod noise;
 mod pixels;
 mod raster;
@@ -74,8 +75,8 @@ pub fn render(scene: &Scene, options: &RenderOptions) -> Rendered {
     let camera = &scene.camera;
     let bounds = visible::mesh_bounds(scene);
     let seen = visible::seen(scene, &bounds, camera, &scene.world_from_camera, |_| true);
-    let triangles = visible::triangles(camera, &seen);
     let rate = if options.anti_aliasing { 2 } else { 1 };
+    let triangles = visible::triangles(camera, &seen, visible::STEPS / rate as i32);
     let visibility = raster::draw(camera.size, rate, &seen, &triangles);
     let sky = Sky::new(&scene.light);
     let world_from_camera: Matrix3<f32> =
@@ -101,7 +102,12 @@ pub fn render(scene: &Scene, options: &RenderOptions) -> Rendered {
     let environment =
         options.surroundings.then(|| surroundings::of_scene(scene, &bounds, &lighting));
     lighting.environment = environment.as_ref().unwrap_or(&plain);
-    let color = pixels::shade(camera, &seen, &triangles, &visibility, &lighting);
+    let mut color = pixels::shade(camera, &seen, &triangles, &visibility, &lighting);
+    if scene.air.wetness > 0.0 {
+        let (depths, shares) = pixels::wet(camera, &seen, &triangles, &visibility, &lighting);
+        mirror::add(camera, &lighting, &depths, &shares, &mut color);
+    }
+
     let labels = labels::draw(scene, &seen, &triangles, &visibility);
     Rendered {
         size: camera.size,

@@ -93,8 +93,7 @@ fn quad(
 
 fn road() -> Object {
     let asphalt = Material { texture: Texture::Asphalt, ..plain([0.1; 3]) };
-    let corners =
-        [[-40.0, 1.5, -5.0], [40.0, 1.5, -5.0], [40.0, 1.5, 80.0], [-40.0, 1.5, 80.0]];
+    let corners = [[-40.0, 1.5, -5.0], [40.0, 1.5, -5.0], [40.0, 1.5, 80.0], [-40.0, 1.5, 80.0]];
     quad(corners, -Vector3::y(), asphalt, SegmentClass::Road)
 }
 

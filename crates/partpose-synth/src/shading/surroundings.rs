@@ -28,11 +28,11 @@ const REACH: f64 = 75.0;
 /// Sky above, road below, and something dark between.
 pub(super) fn plain(sky: &Sky) -> Environment {
     let up = -V::y();
-    let above = Environment::new(|d| sky.radiance(&V::new(d.x, d.y.min(0.0), d.z)));
+    let above = Environment::new(32, |d| sky.radiance(&V::new(d.x, d.y.min(0.0), d.z)));
     let light = above.irradiance(&up) + sky.sun * (-sky.to_sun.y).max(0.0);
     let ground = light.component_mul(&V::new(0.13, 0.128, 0.12));
     let band = light.component_mul(&V::new(0.055, 0.06, 0.045));
-    Environment::new(|d| {
+    Environment::new(128, |d| {
         let height = -d.y;
         if height < -0.01 {
             return ground;
@@ -54,10 +54,8 @@ pub(super) fn of_scene(scene: &Scene, bounds: &[Bounds], lighting: &Lighting) ->
     let camera = Camera::pinhole(0.5 * side, [0.5 * side - 0.5; 2], [SIDE; 2]);
     let concerns = |object: &Object| {
         let distance = (object.world_from_object.translation.vector - origin).norm();
-        let is_vehicle = matches!(
-            object.class,
-            SegmentClass::Car | SegmentClass::Van | SegmentClass::Truck
-        );
+        let is_vehicle =
+            matches!(object.class, SegmentClass::Car | SegmentClass::Van | SegmentClass::Truck);
         // Roads and terrain may have their origin anywhere.
         let is_ground = matches!(object.class, SegmentClass::Road | SegmentClass::Terrain);
         !is_vehicle && (is_ground || distance < REACH)
@@ -65,9 +63,10 @@ pub(super) fn of_scene(scene: &Scene, bounds: &[Bounds], lighting: &Lighting) ->
     let pictures: Vec<Vec<Option<V>>> = (0..4)
         .map(|turn| {
             let rotation = turned(turn);
-            let pose = Pose::from_parts(origin.into(), UnitQuaternion::from_rotation_matrix(&rotation));
+            let pose =
+                Pose::from_parts(origin.into(), UnitQuaternion::from_rotation_matrix(&rotation));
             let seen = visible::seen(scene, bounds, &camera, &pose, concerns);
-            let triangles = visible::triangles(&camera, &seen);
+            let triangles = visible::triangles(&camera, &seen, visible::STEPS);
             let visibility = raster::draw(camera.size, 1, &seen, &triangles);
             let lighting = Lighting {
                 world_from_camera: rotation.matrix().cast(),
@@ -95,7 +94,7 @@ pub(super) fn of_scene(scene: &Scene, bounds: &[Bounds], lighting: &Lighting) ->
     let turns: [Matrix3<f32>; 4] =
         [0, 1, 2, 3].map(|turn| turned(turn).matrix().cast::<f32>().transpose());
     let sky = lighting.sky;
-    Environment::new(|d| {
+    Environment::new(128, |d| {
         let turn = match (d.x.abs() > d.z.abs(), d.x > 0.0, d.z > 0.0) {
             (false, _, true) => 0,
             (true, true, _) => 1,
