@@ -44,44 +44,95 @@ fn main() {
 fn street(kinds: &[VehicleKind], seed: u64) -> Scene {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut objects = vec![
-        quad([-60.0, 60.0], [-20.0, 300.0], 0.0, material([0.11, 0.13, 0.05], Texture::Grass), SegmentClass::Terrain),
-        quad([-5.2, 5.2], [-20.0, 300.0], -0.02, material([0.10, 0.10, 0.105], Texture::Asphalt), SegmentClass::Road),
-        quad([5.2, 7.6], [-20.0, 300.0], -0.12, material([0.24, 0.23, 0.22], Texture::Slabs { size: [0.5, 0.35], joint: 0.012 }), SegmentClass::Terrain),
-        quad([-7.6, -5.2], [-20.0, 300.0], -0.12, material([0.24, 0.23, 0.22], Texture::Slabs { size: [0.5, 0.35], joint: 0.012 }), SegmentClass::Terrain),
+        quad(
+            [-60.0, 60.0],
+            [-20.0, 300.0],
+            0.0,
+            material([0.11, 0.13, 0.05], Texture::Grass),
+            SegmentClass::Terrain,
+        ),
+        quad(
+            [-5.2, 5.2],
+            [-20.0, 300.0],
+            -0.02,
+            material([0.10, 0.10, 0.105], Texture::Asphalt),
+            SegmentClass::Road,
+        ),
+        quad(
+            [5.2, 7.6],
+            [-20.0, 300.0],
+            -0.12,
+            material([0.24, 0.23, 0.22], Texture::Slabs { size: [0.5, 0.35], joint: 0.012 }),
+            SegmentClass::Terrain,
+        ),
+        quad(
+            [-7.6, -5.2],
+            [-20.0, 300.0],
+            -0.12,
+            material([0.24, 0.23, 0.22], Texture::Slabs { size: [0.5, 0.35], joint: 0.012 }),
+            SegmentClass::Terrain,
+        ),
     ];
     for i in 0..40 {
         let z = 6.0 * f64::from(i);
-        objects.push(quad([-0.07, 0.07], [z, z + 3.0], -0.026, material([0.55; 3], Texture::Plain), SegmentClass::Road));
+        objects.push(quad(
+            [-0.07, 0.07],
+            [z, z + 3.0],
+            -0.026,
+            material([0.55; 3], Texture::Plain),
+            SegmentClass::Road,
+        ));
     }
     for i in 0..8 {
         let z = 8.0 + 15.0 * f64::from(i);
-        let color = [0.35 + 0.3 * rng.random::<f32>(), 0.33 + 0.2 * rng.random::<f32>(), 0.28 + 0.1 * rng.random::<f32>()];
+        let color = [
+            0.35 + 0.3 * rng.random::<f32>(),
+            0.33 + 0.2 * rng.random::<f32>(),
+            0.28 + 0.1 * rng.random::<f32>(),
+        ];
         let facade = Texture::Facade { field: [2.6, 3.0], window: [1.3, 1.6], seed: i as u32 };
-        objects.push(block([-15.0, -9.5], [z, z + 13.0], 9.0 + f64::from(i % 3), material(color, facade), SegmentClass::Building));
+        objects.push(block(
+            [-15.0, -9.5],
+            [z, z + 13.0],
+            9.0 + f64::from(i % 3),
+            material(color, facade),
+            SegmentClass::Building,
+        ));
         if i % 2 == 1 {
-            objects.push(block([10.5, 18.0], [z, z + 12.0], 7.0, material(color, facade), SegmentClass::Building));
+            objects.push(block(
+                [10.5, 18.0],
+                [z, z + 12.0],
+                7.0,
+                material(color, facade),
+                SegmentClass::Building,
+            ));
         } else {
             objects.push(tree([9.0, z + 5.0], &mut rng));
         }
     }
     let mut instance = 0;
-    let mut add = |kind: &VehicleKind, x: f64, z: f64, turn: f64, lamps: Lamps, rng: &mut ChaCha8Rng| {
-        instance += 1;
-        let look = random_look(rng);
-        let stretch = Vector3::new(rng.random_range(0.97..1.03), rng.random_range(0.97..1.04), rng.random_range(0.95..1.05));
-        objects.push(Object {
-            mesh: kind.surface.clone(),
-            materials: materials(&look, &lamps),
-            world_from_object: Pose::from_parts(
-                nalgebra::Translation3::new(x, -0.02, z),
-                UnitQuaternion::from_euler_angles(0.0, turn, 0.0),
-            ),
-            scale: stretch,
-            class: SegmentClass::Car,
-            instance,
-            has_parts: true,
-        });
-    };
+    let mut add =
+        |kind: &VehicleKind, x: f64, z: f64, turn: f64, lamps: Lamps, rng: &mut ChaCha8Rng| {
+            instance += 1;
+            let look = random_look(rng);
+            let stretch = Vector3::new(
+                rng.random_range(0.97..1.03),
+                rng.random_range(0.97..1.04),
+                rng.random_range(0.95..1.05),
+            );
+            objects.push(Object {
+                mesh: kind.surface.clone(),
+                materials: materials(&look, &lamps),
+                world_from_object: Pose::from_parts(
+                    nalgebra::Translation3::new(x, -0.02, z),
+                    UnitQuaternion::from_euler_angles(0.0, turn, 0.0),
+                ),
+                scale: stretch,
+                class: SegmentClass::Car,
+                instance,
+                has_parts: true,
+            });
+        };
     let pick = |rng: &mut ChaCha8Rng| rng.random_range(0..kinds.len());
     for i in 0..6 {
         let k = pick(&mut rng);
@@ -91,7 +142,14 @@ fn street(kinds: &[VehicleKind], seed: u64) -> Scene {
         add(&kinds[k], -4.2, 8.0 + z, std::f64::consts::PI, Lamps::default(), &mut rng);
     }
     add(&kinds[0], 1.7, 12.5, 0.02, Lamps { brake: true, ..Lamps::default() }, &mut rng);
-    add(&kinds[1 % kinds.len()], -1.8, 11.0, 3.10, Lamps { daytime: true, ..Lamps::default() }, &mut rng);
+    add(
+        &kinds[1 % kinds.len()],
+        -1.8,
+        11.0,
+        3.10,
+        Lamps { daytime: true, ..Lamps::default() },
+        &mut rng,
+    );
     add(&kinds[0], -1.9, 30.0, 3.13, Lamps { head: true, ..Lamps::default() }, &mut rng);
     add(&kinds[0], 0.5, 24.0, 1.2, Lamps { left: true, ..Lamps::default() }, &mut rng);
     let height = rng.random_range(0.35..1.1_f64);
@@ -100,7 +158,11 @@ fn street(kinds: &[VehicleKind], seed: u64) -> Scene {
     let pose = Pose::translation(1.2, -1.65, 0.0);
     Scene {
         objects,
-        light: Light { to_sun, turbidity: 3.0, overcast: if seed.is_multiple_of(4) { 1.0 } else { 0.0 } },
+        light: Light {
+            to_sun,
+            turbidity: 3.0,
+            overcast: if seed.is_multiple_of(4) { 1.0 } else { 0.0 },
+        },
         air: Air { wetness: if seed.is_multiple_of(5) { 0.8 } else { 0.0 }, ..Air::default() },
         camera: Camera::pinhole(725.0, [620.5, 187.0], [1242, 375]),
         world_from_camera: pose,
@@ -136,11 +198,21 @@ fn object(mesh: SurfaceMesh, material: Material, class: SegmentClass) -> Object 
 fn quad(x: [f64; 2], z: [f64; 2], y: f64, of: Material, class: SegmentClass) -> Object {
     let mut mesh = SurfaceMesh::default();
     let [x, z, y] = [x.map(|v| v as f32), z.map(|v| v as f32), [y as f32; 2]];
-    add_quad(&mut mesh, [[x[0], y[0], z[0]], [x[1], y[0], z[0]], [x[1], y[0], z[1]], [x[0], y[0], z[1]]], -Vector3::y(), |p| [p[2], p[0]]);
+    add_quad(
+        &mut mesh,
+        [[x[0], y[0], z[0]], [x[1], y[0], z[0]], [x[1], y[0], z[1]], [x[0], y[0], z[1]]],
+        -Vector3::y(),
+        |p| [p[2], p[0]],
+    );
     object(mesh, of, class)
 }
 
-fn add_quad(mesh: &mut SurfaceMesh, corners: [[f32; 3]; 4], normal: Vector3<f32>, coordinates: impl Fn([f32; 3]) -> [f32; 2]) {
+fn add_quad(
+    mesh: &mut SurfaceMesh,
+    corners: [[f32; 3]; 4],
+    normal: Vector3<f32>,
+    coordinates: impl Fn([f32; 3]) -> [f32; 2],
+) {
     let start = mesh.vertices.len() as u32;
     for corner in corners {
         mesh.vertices.push(Point3::from(corner));
@@ -160,11 +232,21 @@ fn block(x: [f64; 2], z: [f64; 2], height: f64, of: Material, class: SegmentClas
     let h = -(height as f32);
     for (i, side) in x.into_iter().enumerate() {
         let normal = Vector3::x() * if i == 0 { -1.0 } else { 1.0 };
-        add_quad(&mut mesh, [[side, 0.0, z[0]], [side, 0.0, z[1]], [side, h, z[1]], [side, h, z[0]]], normal, |p| [p[2], -p[1]]);
+        add_quad(
+            &mut mesh,
+            [[side, 0.0, z[0]], [side, 0.0, z[1]], [side, h, z[1]], [side, h, z[0]]],
+            normal,
+            |p| [p[2], -p[1]],
+        );
     }
     for (i, end) in z.into_iter().enumerate() {
         let normal = Vector3::z() * if i == 0 { -1.0 } else { 1.0 };
-        add_quad(&mut mesh, [[x[0], 0.0, end], [x[1], 0.0, end], [x[1], h, end], [x[0], h, end]], normal, |p| [p[0], -p[1]]);
+        add_quad(
+            &mut mesh,
+            [[x[0], 0.0, end], [x[1], 0.0, end], [x[1], h, end], [x[0], h, end]],
+            normal,
+            |p| [p[0], -p[1]],
+        );
     }
     object(mesh, of, class)
 }
@@ -172,19 +254,39 @@ fn block(x: [f64; 2], z: [f64; 2], height: f64, of: Material, class: SegmentClas
 fn tree([x, z]: [f64; 2], rng: &mut ChaCha8Rng) -> Object {
     let mut mesh = SurfaceMesh::default();
     for _ in 0..160 {
-        let direction = Vector3::new(rng.random_range(-1.0..1.0_f32), rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)).normalize();
-        let center = Vector3::new(x as f32, -5.0, z as f32) + direction.component_mul(&Vector3::new(2.2, 2.6, 2.2)) * rng.random_range(0.4..1.0);
-        let a = Vector3::new(rng.random_range(-1.0..1.0_f32), rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)).normalize();
+        let direction = Vector3::new(
+            rng.random_range(-1.0..1.0_f32),
+            rng.random_range(-1.0..1.0),
+            rng.random_range(-1.0..1.0),
+        )
+        .normalize();
+        let center = Vector3::new(x as f32, -5.0, z as f32)
+            + direction.component_mul(&Vector3::new(2.2, 2.6, 2.2)) * rng.random_range(0.4..1.0);
+        let a = Vector3::new(
+            rng.random_range(-1.0..1.0_f32),
+            rng.random_range(-1.0..1.0),
+            rng.random_range(-1.0..1.0),
+        )
+        .normalize();
         let b = a.cross(&direction).normalize();
         let corner = |i: f32, j: f32| -> [f32; 3] { (center + a * i * 0.8 + b * j * 0.8).into() };
         let [u, v] = [rng.random_range(0.0..50.0_f32), rng.random_range(0.0..50.0_f32)];
         let places = [[0.0, 0.0], [1.6, 0.0], [1.6, 1.6], [0.0, 1.6]];
         let mut at = places.into_iter().cycle();
         let cell = std::cell::RefCell::new(&mut at);
-        add_quad(&mut mesh, [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)], direction, |_| {
-            let [x, y] = cell.borrow_mut().next().unwrap_or_default();
-            [u + x, v + y]
-        });
+        add_quad(
+            &mut mesh,
+            [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
+            direction,
+            |_| {
+                let [x, y] = cell.borrow_mut().next().unwrap_or_default();
+                [u + x, v + y]
+            },
+        );
     }
-    object(mesh, material([0.075, 0.13, 0.03], Texture::Leaves { cover: 0.55, size: 0.12 }), SegmentClass::Tree)
+    object(
+        mesh,
+        material([0.075, 0.13, 0.03], Texture::Leaves { cover: 0.55, size: 0.12 }),
+        SegmentClass::Tree,
+    )
 }

@@ -123,10 +123,8 @@ pub fn photograph(
     effects: &CameraEffects,
     seed: u64,
 ) -> RgbImage {
-    let mut frame = Frame {
-        size: rendered.size.map(|side| side as usize),
-        pixels: rendered.color.clone(),
-    };
+    let mut frame =
+        Frame { size: rendered.size.map(|side| side as usize), pixels: rendered.color.clone() };
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // Drawn in any case, so that one effect does not change another's numbers.
     let [rain_seed, drop_seed, noise_seed] = [rng.random::<u64>(), rng.random(), rng.random()];
@@ -158,5 +156,7 @@ pub fn photograph(
         lens::vignette(&mut frame, effects.vignette);
     }
     let image = sensor::develop(&mut frame, effects, noise_seed);
-    effects.jpeg.map_or(image.clone(), |quality| sensor::through_jpeg(&image, quality).unwrap_or(image))
+    effects
+        .jpeg
+        .map_or(image.clone(), |quality| sensor::through_jpeg(&image, quality).unwrap_or(image))
 }

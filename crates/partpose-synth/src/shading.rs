@@ -9,12 +9,14 @@ mod contact;
 pub(crate) mod depth_map;
 mod environment;
 mod labels;
+mod mirror;
 pub(crate) mod noise;
 mod pixels;
 mod raster;
 mod shadow;
 mod sky;
 mod surface;
+mod surroundings;
 mod texture;
 mod visible;
 
@@ -22,7 +24,6 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::scene::Scene;
 
-use environment::Environment;
 use shadow::Shadows;
 use sky::Sky;
 use surface::Lighting;
@@ -34,18 +35,20 @@ pub struct RenderOptions {
     pub anti_aliasing: bool,
     /// Side of the shadow maps in texels; 0 for none.
     pub shadows: usize,
+    /// Whether surfaces mirror what stands around; else a sky over a dark band.
+    pub surroundings: bool,
 }
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        Self { anti_aliasing: true, shadows: 1024 }
+        Self { anti_aliasing: true, shadows: 1024, surroundings: true }
     }
 }
 
 impl RenderOptions {
     /// Fast rather than fine.
     pub fn cheap() -> Self {
-        Self { anti_aliasing: false, shadows: 512 }
+        Self { anti_aliasing: false, shadows: 512, surroundings: false }
     }
 }
 
@@ -72,35 +75,39 @@ pub fn render(scene: &Scene, options: &RenderOptions) -> Rendered {
     let camera = &scene.camera;
     let bounds = visible::mesh_bounds(scene);
     let seen = visible::seen(scene, &bounds, camera, &scene.world_from_camera, |_| true);
-    let triangles = visible::triangles(camera, &seen);
     let rate = if options.anti_aliasing { 2 } else { 1 };
+    let triangles = visible::triangles(camera, &seen, visible::STEPS / rate as i32);
     let visibility = raster::draw(camera.size, rate, &seen, &triangles);
     let sky = Sky::new(&scene.light);
     let world_from_camera: Matrix3<f32> =
         scene.world_from_camera.rotation.to_rotation_matrix().matrix().cast();
-    let environment = surroundings(&sky);
+    let plain = surroundings::plain(&sky);
     let shadows = if options.shadows > 0 && sky.sun.max() > 1e-3 {
         Shadows::new(scene, &bounds, camera, &sky.to_sun, options.shadows)
     } else {
         Shadows::none()
     };
     let blocks = contact::blocks(&seen, &world_from_camera);
-    let horizon = [Vector3::x(), Vector3::z(), -Vector3::x(), -Vector3::z()]
-        .map(|d: Vector3<f32>| environment.reflected(&(d - Vector3::y() * 0.1).normalize(), 0.6))
-        .iter()
-        .sum::<Vector3<f32>>()
-        / 4.0;
-    let lighting = Lighting {
+    let mut lighting = Lighting {
         sky: &sky,
-        environment: &environment,
+        environment: &plain,
         shadows: &shadows,
         blocks: &blocks,
         air: scene.air,
         world_from_camera,
+        shift: Vector3::zeros(),
         pixel: 1.0 / camera.focal[0].abs().max(1e-3) as f32,
-        airlight: horizon,
+        airlight: airlight(&sky),
     };
-    let color = pixels::shade(camera, &seen, &triangles, &visibility, &lighting);
+    let environment =
+        options.surroundings.then(|| surroundings::of_scene(scene, &bounds, &lighting));
+    lighting.environment = environment.as_ref().unwrap_or(&plain);
+    let mut color = pixels::shade(camera, &seen, &triangles, &visibility, &lighting);
+    if scene.air.wetness > 0.0 {
+        let (depths, shares) = pixels::wet(camera, &seen, &triangles, &visibility, &lighting);
+        mirror::add(camera, &lighting, &depths, &shares, &mut color);
+    }
+
     let labels = labels::draw(scene, &seen, &triangles, &visibility);
     Rendered {
         size: camera.size,
@@ -112,21 +119,9 @@ pub fn render(scene: &Scene, options: &RenderOptions) -> Rendered {
     }
 }
 
-/// Sky above, road below, and something dark between.
-fn surroundings(sky: &Sky) -> Environment {
-    let up = -Vector3::y();
-    let above = Environment::new(|d| sky.radiance(&Vector3::new(d.x, d.y.min(0.0), d.z)));
-    let light = above.irradiance(&up) + sky.sun * (-sky.to_sun.y).max(0.0);
-    let ground = light.component_mul(&Vector3::new(0.13, 0.128, 0.12));
-    let band = light.component_mul(&Vector3::new(0.055, 0.06, 0.045));
-    Environment::new(|d| {
-        let height = -d.y;
-        if height < -0.01 {
-            return ground;
-        }
-        let turn = d.z.atan2(d.x);
-        let top = 0.03 + 0.16 * noise::fractal(6.0 * turn, 0.0, 4, 0.0, 77);
-        let share = ((height - top) * 60.0).clamp(0.0, 1.0);
-        band.lerp(&sky.radiance_with_clouds(d), share)
-    })
+/// Light that air sends from all around the horizon.
+fn airlight(sky: &Sky) -> Vector3<f32> {
+    let directions = [Vector3::x(), Vector3::z(), -Vector3::x(), -Vector3::z()];
+    let low = directions.map(|d: Vector3<f32>| sky.radiance(&(d - Vector3::y() * 0.1).normalize()));
+    low.iter().sum::<Vector3<f32>>() * 0.25
 }

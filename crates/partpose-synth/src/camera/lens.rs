@@ -31,7 +31,8 @@ pub(super) fn soften(frame: &mut Frame, deviation: f32) {
         for (x, value) in row.iter_mut().enumerate() {
             let rows = [old[above + x], *value, old[below + x]];
             for i in 0..3 {
-                value[i] = weights[0] * rows[0][i] + weights[1] * rows[1][i] + weights[2] * rows[2][i];
+                value[i] =
+                    weights[0] * rows[0][i] + weights[1] * rows[1][i] + weights[2] * rows[2][i];
             }
         }
     });
@@ -63,7 +64,8 @@ pub(super) fn between(pixels: &[[f32; 3]], size: [usize; 2], at: [f32; 2], chann
     let i = iy * size[0] + ix;
     let right = usize::from(ix + 1 < size[0]);
     let below = if iy + 1 < size[1] { size[0] } else { 0 };
-    let row = |i: usize| pixels[i][channel] + fx * (pixels[i + right][channel] - pixels[i][channel]);
+    let row =
+        |i: usize| pixels[i][channel] + fx * (pixels[i + right][channel] - pixels[i][channel]);
     row(i) + fy * (row(i + below) - row(i))
 }
 

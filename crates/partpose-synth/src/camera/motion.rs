@@ -19,8 +19,7 @@ const LONGEST: f32 = 40.0;
 
 pub(super) fn blur(frame: &mut Frame, scene: &Scene, rendered: &Rendered, share: f32) {
     let after_from_before = scene.world_from_camera_after.inverse() * scene.world_from_camera;
-    let rotation: Matrix3<f32> =
-        after_from_before.rotation.to_rotation_matrix().matrix().cast();
+    let rotation: Matrix3<f32> = after_from_before.rotation.to_rotation_matrix().matrix().cast();
     let shift: Vector3<f32> = after_from_before.translation.vector.cast();
     let camera = &scene.camera;
     let [fx, fy] = camera.focal.map(|f| f as f32);
@@ -32,7 +31,8 @@ pub(super) fn blur(frame: &mut Frame, scene: &Scene, rendered: &Rendered, share:
         for (x, value) in row.iter_mut().enumerate() {
             let ray = Vector3::new((x as f32 - cx) / fx, (y as f32 - cy) / fy, 1.0);
             let depth = rendered.depths[y * width + x];
-            let moved = rotation * ray + if depth.is_finite() { shift / depth } else { Vector3::zeros() };
+            let moved =
+                rotation * ray + if depth.is_finite() { shift / depth } else { Vector3::zeros() };
             if !(moved.z > 0.05) {
                 continue;
             }

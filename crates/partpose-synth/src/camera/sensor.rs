@@ -57,7 +57,8 @@ pub(super) fn develop(frame: &mut Frame, effects: &CameraEffects, seed: u64) -> 
     let [shot, read] = [noise * noise * 0.7 / KEY, noise * noise * 0.3 * 0.3];
     let seed = mix(seed as u32 ^ mix((seed >> 32) as u32));
     let mut bytes = vec![0_u8; width * height * 3];
-    let rows = bytes.par_chunks_mut((3 * width).max(1)).zip(frame.pixels.par_chunks_mut(width.max(1)));
+    let rows =
+        bytes.par_chunks_mut((3 * width).max(1)).zip(frame.pixels.par_chunks_mut(width.max(1)));
     rows.enumerate().for_each(|(y, (bytes, pixels))| {
         let mut state = mix(seed ^ (y as u32).wrapping_mul(0x9e37_79b1));
         if noise > 0.0 {

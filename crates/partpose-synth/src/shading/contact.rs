@@ -31,9 +31,8 @@ pub(super) struct Block {
 
 /// The vehicles among what is seen.
 pub(super) fn blocks(seen: &[Seen], world_from_camera: &Matrix3<f32>) -> Vec<Block> {
-    let is_vehicle = |class| {
-        matches!(class, SegmentClass::Car | SegmentClass::Van | SegmentClass::Truck)
-    };
+    let is_vehicle =
+        |class| matches!(class, SegmentClass::Car | SegmentClass::Van | SegmentClass::Truck);
     let block = |seen: &Seen| {
         if !is_vehicle(seen.object.class) {
             return None;
@@ -87,8 +86,7 @@ pub(super) fn openness(blocks: &[Block], place: &V) -> f32 {
 fn rectangle([x, z]: [f32; 2], [half_x, half_z]: [f32; 2], height: f32) -> f32 {
     let corner = |a: f32, b: f32| {
         let [ra, rb] = [a.hypot(height), b.hypot(height)];
-        (a / ra * arc_tangent(b / ra) + b / rb * arc_tangent(a / rb))
-            * (0.5 / std::f32::consts::PI)
+        (a / ra * arc_tangent(b / ra) + b / rb * arc_tangent(a / rb)) * (0.5 / std::f32::consts::PI)
     };
     let [x0, x1, z0, z1] = [-half_x - x, half_x - x, -half_z - z, half_z - z];
     corner(x1, z1) - corner(x0, z1) - corner(x1, z0) + corner(x0, z0)
@@ -97,11 +95,7 @@ fn rectangle([x, z]: [f32; 2], [half_x, half_z]: [f32; 2], height: f32) -> f32 {
 /// To 0.004 rad, several times faster than the exact one.
 fn arc_tangent(x: f32) -> f32 {
     let near = |x: f32| x * (0.9724 - 0.1919 * x * x);
-    if x.abs() <= 1.0 {
-        near(x)
-    } else {
-        std::f32::consts::FRAC_PI_2.copysign(x) - near(1.0 / x)
-    }
+    if x.abs() <= 1.0 { near(x) } else { std::f32::consts::FRAC_PI_2.copysign(x) - near(1.0 / x) }
 }
 
 #[cfg(test)]

@@ -10,33 +10,34 @@ use rayon::prelude::*;
 
 type V = Vector3<f32>;
 
-/// Texels along a side of the finest level.
-pub(super) const SIZE: usize = 192;
+/// Coarser levels than the finest, and itself.
 const LEVELS: usize = 6;
 
 /// Radiance all round.
 #[derive(Clone, Debug)]
 pub(super) struct Environment {
+    /// Texels along a side of the finest level.
+    size: usize,
     levels: Vec<Vec<V>>,
     irradiance: [V; 9],
 }
 
 impl Environment {
-    /// Samples a function of unit directions, y down.
-    pub(super) fn new(radiance: impl Fn(&V) -> V + Sync) -> Self {
-        let mut finest = vec![V::zeros(); SIZE * SIZE];
-        finest.par_chunks_mut(SIZE).enumerate().for_each(|(y, row)| {
+    /// Samples a function of unit directions, y down, at `size` x `size` places; a multiple of 32.
+    pub(super) fn new(size: usize, radiance: impl Fn(&V) -> V + Sync) -> Self {
+        let mut finest = vec![V::zeros(); size * size];
+        finest.par_chunks_mut(size).enumerate().for_each(|(y, row)| {
             for (x, value) in row.iter_mut().enumerate() {
-                *value = radiance(&direction(x, y));
+                *value = radiance(&direction(x, y, size));
             }
         });
-        let irradiance = project(&finest);
+        let irradiance = project(&finest, size);
         let mut levels = vec![finest];
         while levels.len() < LEVELS {
-            let next = halved(&levels[levels.len() - 1], SIZE >> (levels.len() - 1));
+            let next = halved(&levels[levels.len() - 1], size >> (levels.len() - 1));
             levels.push(next);
         }
-        Self { levels, irradiance }
+        Self { size, levels, irradiance }
     }
 
     /// Radiance seen in a mirror of some roughness.
@@ -52,7 +53,7 @@ impl Environment {
     }
 
     fn at(&self, direction: &V, level: usize) -> V {
-        let size = SIZE >> level;
+        let size = self.size >> level;
         let [u, v] = octahedral(direction);
         let scale = |u: f32| (u * size as f32 - 0.5).clamp(0.0, size as f32 - 1.001);
         let [x, y] = [scale(u), scale(v)];
@@ -91,8 +92,8 @@ fn octahedral(d: &V) -> [f32; 2] {
     [0.5 * x + 0.5, 0.5 * z + 0.5]
 }
 
-fn direction(x: usize, y: usize) -> V {
-    let [u, w] = [x, y].map(|i| (2.0 * (i as f32 + 0.5)) / SIZE as f32 - 1.0);
+fn direction(x: usize, y: usize, size: usize) -> V {
+    let [u, w] = [x, y].map(|i| (2.0 * (i as f32 + 0.5)) / size as f32 - 1.0);
     let up = 1.0 - u.abs() - w.abs();
     let [u, w] = if up >= 0.0 {
         [u, w]
@@ -111,16 +112,16 @@ fn halved(texels: &[V], size: usize) -> Vec<V> {
     (0..half * half).map(mean).collect()
 }
 
-fn project(texels: &[V]) -> [V; 9] {
+fn project(texels: &[V], size: usize) -> [V; 9] {
     let mut sums = [V::zeros(); 9];
     let mut all = 0.0;
     // Every second texel does.
-    for i in (0..SIZE).step_by(2) {
-        for j in (0..SIZE).step_by(2) {
-            let d = direction(j, i);
+    for i in (0..size).step_by(2) {
+        for j in (0..size).step_by(2) {
+            let d = direction(j, i, size);
             // Solid angle of an octahedron's texel, up to a factor.
             let weight = 1.0 / (d.x.abs() + d.y.abs() + d.z.abs()).powi(-3);
-            let value = texels[i * SIZE + j] * weight;
+            let value = texels[i * size + j] * weight;
             all += weight;
             let [x, y, z] = [d.x, d.y, d.z];
             let basis = [
@@ -148,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_white_surface_under_an_even_sky_is_as_bright_as_the_sky() {
-        let environment = Environment::new(|_| V::repeat(1.0));
+        let environment = Environment::new(64, |_| V::repeat(1.0));
         for normal in [V::x(), -V::y(), V::z(), V::new(1.0, -1.0, 1.0).normalize()] {
             let error = (environment.irradiance(&normal) - V::repeat(1.0)).norm();
             assert!(error < 0.01, "{normal:?}: {error}");
@@ -157,7 +158,7 @@ mod tests {
 
     #[test]
     fn a_mirror_shows_what_lies_in_its_direction() {
-        let environment = Environment::new(|d| d.map(|value| 0.5 + 0.5 * value));
+        let environment = Environment::new(64, |d| d.map(|value| 0.5 + 0.5 * value));
         for direction in [V::x(), -V::y(), V::z(), V::new(0.3, -0.5, -0.8).normalize()] {
             let seen = environment.reflected(&direction, 0.0);
             assert!((seen - direction.map(|value| 0.5 + 0.5 * value)).norm() < 0.03, "{seen:?}");
@@ -167,8 +168,8 @@ mod tests {
     #[test]
     fn directions_and_texels_are_inverse() {
         for [x, y] in [[0, 0], [10, 150], [96, 96], [180, 20]] {
-            let [u, v] = octahedral(&direction(x, y));
-            let scale = SIZE as f32;
+            let [u, v] = octahedral(&direction(x, y, 192));
+            let scale = 192.0;
             assert!((u * scale - x as f32 - 0.5).abs() < 1e-2);
             assert!((v * scale - y as f32 - 0.5).abs() < 1e-2);
         }

@@ -80,10 +80,8 @@ fn label_mesh(object: &Object) -> Arc<Mesh> {
         return Arc::clone(mesh);
     }
     let surface = &object.mesh;
-    let mut mesh = Mesh {
-        vertices: surface.vertices.iter().map(|p| p.cast()).collect(),
-        ..Mesh::default()
-    };
+    let mut mesh =
+        Mesh { vertices: surface.vertices.iter().map(|p| p.cast()).collect(), ..Mesh::default() };
     for (face, part) in surface.faces.iter().zip(&surface.parts) {
         if let Some(part) = PartClass::from_id(*part) {
             mesh.faces.push(*face);

@@ -51,6 +51,33 @@ pub(super) fn shade(
     color
 }
 
+/// 1 / z at pixel centres, and how much of each pixel is a mirror of water.
+pub(super) fn wet(
+    camera: &Camera,
+    seen: &[Seen],
+    triangles: &Triangles,
+    visibility: &Visibility,
+    lighting: &Lighting,
+) -> (Vec<f32>, Vec<f32>) {
+    let width = camera.size[0] as usize;
+    let view = View { camera, seen, triangles, visibility, lighting };
+    let pixel = |i: usize| {
+        let [x, y] = [i % width, i / width];
+        let sample = y * visibility.rate * visibility.size[0] + x * visibility.rate;
+        let share = triangles
+            .opaque
+            .get(visibility.ids[sample] as usize)
+            .and_then(|triangle| {
+                let ray = view.ray([x as f32, y as f32]);
+                Spot::new(lighting, &seen[triangle.seen as usize], triangle.face, &ray)
+            })
+            .map_or(0.0, |spot| spot.water(lighting));
+        (visibility.inverse_depths[sample], share)
+    };
+    let count = visibility.ids.len() / (visibility.rate * visibility.rate);
+    (0..count).into_par_iter().map(pixel).unzip()
+}
+
 struct View<'a> {
     camera: &'a Camera,
     seen: &'a [Seen<'a>],
@@ -137,12 +164,7 @@ impl View<'_> {
 
     /// Light from a sample's surfaces at a place in the picture, pixels.
     fn sample(&self, sample: usize, [x, y]: [f32; 2]) -> V {
-        let camera = self.camera;
-        let ray = V::new(
-            (x - camera.principal_point[0] as f32) / camera.focal[0] as f32,
-            (y - camera.principal_point[1] as f32) / camera.focal[1] as f32,
-            1.0,
-        );
+        let ray = self.ray([x, y]);
         let spot = |id: u32, list: &[Triangle]| {
             let triangle = list.get(id as usize)?;
             Spot::new(self.lighting, &self.seen[triangle.seen as usize], triangle.face, &ray)
@@ -165,6 +187,15 @@ impl View<'_> {
             color = color.sup(&V::zeros());
         }
         color
+    }
+
+    fn ray(&self, [x, y]: [f32; 2]) -> V {
+        let camera = self.camera;
+        V::new(
+            (x - camera.principal_point[0] as f32) / camera.focal[0] as f32,
+            (y - camera.principal_point[1] as f32) / camera.focal[1] as f32,
+            1.0,
+        )
     }
 
     fn sky(&self, ray: &V) -> V {

@@ -39,7 +39,12 @@ pub(super) struct Visibility {
 }
 
 /// Draws the triangles at `rate` x `rate` samples a pixel.
-pub(super) fn draw(size: [u32; 2], rate: usize, seen: &[Seen], triangles: &Triangles) -> Visibility {
+pub(super) fn draw(
+    size: [u32; 2],
+    rate: usize,
+    seen: &[Seen],
+    triangles: &Triangles,
+) -> Visibility {
     let [width, height] = size.map(|side| side as usize * rate);
     let step = STEPS / rate as i32;
     let bands = height.div_ceil(BAND).max(1);
@@ -64,22 +69,34 @@ pub(super) fn draw(size: [u32; 2], rate: usize, seen: &[Seen], triangles: &Trian
         .zip(all.inverse_depths.par_chunks_mut(rows))
         .zip(all.glass.par_chunks_mut(rows).zip(all.panes.par_chunks_mut(rows)))
         .zip(
-            all.background
-                .par_chunks_mut(pixels)
-                .zip(all.background_depths.par_chunks_mut(pixels)),
+            all.background.par_chunks_mut(pixels).zip(all.background_depths.par_chunks_mut(pixels)),
         );
     parts.enumerate().for_each(
         |(i, (((ids, depths), (glass_ids, panes)), (background, background_depths)))| {
             let y0 = i * BAND;
             let y1 = (y0 + BAND).min(height);
-            let band = Band { width, y: [y0 as i32, y1 as i32], step, seen };
+            let coordinates = &triangles.coordinates;
+            let band = Band {
+                width,
+                y: [y0 as i32, y1 as i32],
+                shift: step.trailing_zeros(),
+                seen,
+                coordinates,
+            };
             let split = opaque[i].partition_point(|id| (*id as usize) < triangles.unlabelled);
             let draw = |list: &[u32], ids: &mut [u32], depths: &mut [f32]| {
                 for id in list {
-                    band.draw(&triangles.opaque[*id as usize], |at, value| {
-                        if value > depths[at] {
-                            depths[at] = value;
-                            ids[at] = *id;
+                    band.draw(&triangles.opaque[*id as usize], |span, holes| {
+                        let depths = &mut depths[span.from..span.to];
+                        let ids = &mut ids[span.from..span.to];
+                        for (k, (depth, old)) in depths.iter_mut().zip(ids).enumerate() {
+                            let value = span.at(k);
+                            if value > *depth
+                                && holes.is_none_or(|holes| holes.is_there(span, k, value))
+                            {
+                                *depth = value;
+                                *old = *id;
+                            }
                         }
                     });
                 }
@@ -94,12 +111,15 @@ pub(super) fn draw(size: [u32; 2], rate: usize, seen: &[Seen], triangles: &Trian
             draw(&opaque[i][split..], ids, depths);
             let mut nearest = vec![0.0; if glass[i].is_empty() { 0 } else { ids.len() }];
             for id in &glass[i] {
-                band.draw(&triangles.glass[*id as usize], |at, value| {
-                    if value > depths[at] {
-                        panes[at] = panes[at].saturating_add(1);
-                        if value > nearest[at] {
-                            nearest[at] = value;
-                            glass_ids[at] = *id;
+                band.draw(&triangles.glass[*id as usize], |span, _| {
+                    for at in span.from..span.to {
+                        let value = span.at(at - span.from);
+                        if value > depths[at] {
+                            panes[at] = panes[at].saturating_add(1);
+                            if value > nearest[at] {
+                                nearest[at] = value;
+                                glass_ids[at] = *id;
+                            }
                         }
                     }
                 });
@@ -114,8 +134,8 @@ fn bins(triangles: &[Triangle], step: i32, height: usize, bands: usize) -> Vec<V
     let mut bins = vec![Vec::new(); bands];
     for (id, triangle) in triangles.iter().enumerate() {
         let [a, b, c] = triangle.y;
-        let first = (a.min(b).min(c) + step - 1).div_euclid(step).max(0);
-        let last = a.max(b).max(c).div_euclid(step).min(height as i32 - 1);
+        let first = ((a.min(b).min(c) + step - 1) >> step.trailing_zeros()).max(0);
+        let last = (a.max(b).max(c) >> step.trailing_zeros()).min(height as i32 - 1);
         if first > last {
             continue;
         }
@@ -131,15 +151,16 @@ struct Band<'a> {
     width: usize,
     /// First row, and the one behind the last.
     y: [i32; 2],
-    /// Steps a sample.
-    step: i32,
+    /// Steps a sample, as a power of two.
+    shift: u32,
     seen: &'a [Seen<'a>],
+    coordinates: &'a [[[f32; 2]; 3]],
 }
 
 impl Band<'_> {
-    /// Calls `set` with the place in the band and 1 / z of every sample that is covered.
+    /// Calls `set` with the covered samples of every row.
     #[inline]
-    fn draw(&self, triangle: &Triangle, mut set: impl FnMut(usize, f32)) {
+    fn draw(&self, triangle: &Triangle, mut set: impl FnMut(&Span, Option<&Holes>)) {
         let mut corners = [0, 1, 2];
         let delta = |v: &[i32; 3], from: usize, to: usize| i64::from(v[to]) - i64::from(v[from]);
         let [x, y] = [&triangle.x, &triangle.y];
@@ -151,9 +172,9 @@ impl Band<'_> {
             area = -area;
             corners = [0, 2, 1];
         }
-        let step = self.step;
-        let first = |v: &[i32; 3]| (v[0].min(v[1]).min(v[2]) + step - 1).div_euclid(step);
-        let last = |v: &[i32; 3]| v[0].max(v[1]).max(v[2]).div_euclid(step);
+        let step = 1 << self.shift;
+        let first = |v: &[i32; 3]| (v[0].min(v[1]).min(v[2]) + step - 1) >> self.shift;
+        let last = |v: &[i32; 3]| v[0].max(v[1]).max(v[2]) >> self.shift;
         let [x0, x1] = [first(x).max(0), last(x).min(self.width as i32 - 1)];
         let [y0, y1] = [first(y).max(self.y[0]), last(y).min(self.y[1] - 1)];
         if x0 > x1 || y0 > y1 {
@@ -168,29 +189,29 @@ impl Band<'_> {
                 - dy * (i64::from(x0) * step - i64::from(x[from]));
             [value - i64::from(!owns_edge), -dy * step, dx * step]
         });
-        let plane = Plane::new(triangle, corners, area);
-        let holes = self.holes(triangle, corners, area);
+        // Most triangles of far objects cover nothing, so that their slopes are computed when needed.
+        let mut planes = None;
         let mut values = edges.map(|edge| edge[0]);
         for row in y0..=y1 {
             let (from, to) = span(values, &edges, i64::from(x0), i64::from(x1));
             if from <= to {
                 let at = (row - self.y[0]) as usize * self.width;
                 let row_steps = i64::from(row) * step;
-                match &holes {
-                    None => {
-                        for column in from..=to {
-                            set(at + column as usize, plane.at(column * step, row_steps));
-                        }
-                    }
-                    Some(holes) => {
-                        for column in from..=to {
-                            let value = plane.at(column * step, row_steps);
-                            if holes.is_there(column * step, row_steps, value) {
-                                set(at + column as usize, value);
-                            }
-                        }
-                    }
-                }
+                let (plane, holes) = planes.get_or_insert_with(|| {
+                    let plane = Plane::new(triangle, corners, area);
+                    (plane, self.holes(triangle, corners, area))
+                });
+                let columns = [from * step, row_steps];
+                let span = Span {
+                    from: at + from as usize,
+                    to: at + to as usize + 1,
+                    start: plane.unlimited(columns) as f32,
+                    slope: (plane.slope[0] * step as f64) as f32,
+                    range: plane.range.map(|value| value as f32),
+                    place: columns,
+                    step,
+                };
+                set(&span, holes.as_ref());
             }
             for (value, edge) in values.iter_mut().zip(&edges) {
                 *value += edge[2];
@@ -199,14 +220,14 @@ impl Band<'_> {
     }
 
     fn holes(&self, triangle: &Triangle, corners: [usize; 3], area: i64) -> Option<Holes> {
+        let coordinates = self.coordinates.get(triangle.holes as usize)?;
         let object = self.seen[triangle.seen as usize].object;
         let Texture::Leaves { cover, size } = material_of(object, triangle.face).texture else {
             return None;
         };
         let value = |axis: usize| {
-            [0, 1, 2].map(|i| {
-                f64::from(triangle.coordinates[i][axis]) * f64::from(triangle.inverse_depth[i])
-            })
+            [0, 1, 2]
+                .map(|i| f64::from(coordinates[i][axis]) * f64::from(triangle.inverse_depth[i]))
         };
         let planes = [0, 1].map(|axis| Plane::of(triangle, corners, area, value(axis)));
         Some(Holes { planes, cover, size })
@@ -277,11 +298,31 @@ impl Plane {
         }
     }
 
-    fn at(&self, x: i64, y: i64) -> f32 {
-        let value = self.at_corner
+    fn unlimited(&self, [x, y]: [i64; 2]) -> f64 {
+        self.at_corner
             + self.slope[0] * (x - self.corner[0]) as f64
-            + self.slope[1] * (y - self.corner[1]) as f64;
-        value.max(self.range[0]).min(self.range[1]) as f32
+            + self.slope[1] * (y - self.corner[1]) as f64
+    }
+}
+
+/// Covered samples of a row.
+struct Span {
+    /// Places in the band, the last one excluded.
+    from: usize,
+    to: usize,
+    /// 1 / z at the first sample, its change to the next, and its range.
+    start: f32,
+    slope: f32,
+    range: [f32; 2],
+    /// The first sample in steps, and how many lie between samples.
+    place: [i64; 2],
+    step: i64,
+}
+
+impl Span {
+    #[inline]
+    fn at(&self, k: usize) -> f32 {
+        (self.start + self.slope * k as f32).max(self.range[0]).min(self.range[1])
     }
 }
 
@@ -293,9 +334,10 @@ struct Holes {
 }
 
 impl Holes {
-    fn is_there(&self, x: i64, y: i64, inverse_depth: f32) -> bool {
-        let depth = 1.0 / inverse_depth;
-        let [u, v] = [self.planes[0].at(x, y) * depth, self.planes[1].at(x, y) * depth];
+    fn is_there(&self, span: &Span, k: usize, inverse_depth: f32) -> bool {
+        let place = [span.place[0] + k as i64 * span.step, span.place[1]];
+        let depth = f64::from(1.0 / inverse_depth);
+        let [u, v] = [0, 1].map(|i| (self.planes[i].unlimited(place) * depth) as f32);
         texture::is_leaf(u, v, self.cover, self.size)
     }
 }

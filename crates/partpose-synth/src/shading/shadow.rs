@@ -8,13 +8,16 @@ use nalgebra::{Matrix3, Vector3};
 use partpose::geometry::Camera;
 use rayon::prelude::*;
 
-use crate::scene::{Object, Scene, Texture};
+use crate::scene::{Object, Scene, SegmentClass, Texture};
 
 use super::depth_map::DepthMap;
 use super::texture;
 use super::visible::{Bounds, is_glass, material_of};
 
 type V = Vector3<f32>;
+
+/// Texels a metre below which bodies are drawn by halves.
+const COARSE: f32 = 22.0;
 
 /// Distances at which a cascade ends, metres.
 const ENDS: [f32; 3] = [14.0, 42.0, 130.0];
@@ -77,6 +80,10 @@ impl Shadows {
             .objects
             .par_iter()
             .zip(bounds)
+            // What lies flat hides the sun from nothing.
+            .filter(|(object, _)| {
+                !matches!(object.class, SegmentClass::Road | SegmentClass::Terrain)
+            })
             .filter_map(|(object, bounds)| {
                 place(object, bounds, &camera_position, &sun_from_world, &squares)
             })
@@ -178,7 +185,8 @@ fn place<'a>(
     squares: &[([f32; 2], f32, f32)],
 ) -> Option<Placed<'a>> {
     let rotation = object.world_from_object.rotation.to_rotation_matrix();
-    let matrix = sun_from_world * (*rotation.matrix() * Matrix3::from_diagonal(&object.scale)).cast::<f32>();
+    let matrix =
+        sun_from_world * (*rotation.matrix() * Matrix3::from_diagonal(&object.scale)).cast::<f32>();
     let offset = object.world_from_object.translation.vector - camera_position;
     let offset = sun_from_world * offset.cast::<f32>();
     let middle = matrix * center + offset;
@@ -201,14 +209,30 @@ fn draw_object(map: &mut DepthMap, placed: &Placed, low: [f32; 2], scale: f32) {
         else {
             continue;
         };
+        let corners = [texel(a), texel(b), texel(c)];
+        let [a, b, c] = &corners;
+        let [low, high] = [a.inf(b).inf(c), a.sup(b).sup(c)];
+        let misses = |low: f32, high: f32| {
+            (low - 0.5).ceil() > (high - 0.5).floor() || high < 0.0 || low > map.size[0] as f32
+        };
+        if misses(low.x, high.x) || misses(low.y, high.y) {
+            continue;
+        }
+        if placed.object.has_parts {
+            // Of a far body the side away from the sun does; near, light falls in through the windows, and both count.
+            let area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+            let is_coarse = scale < COARSE && area >= 0.0;
+            if is_coarse || mesh.parts.get(i).is_none_or(|part| *part == 0) {
+                continue;
+            }
+        }
         let material = material_of(placed.object, i as u32);
         if is_glass(material) {
             continue;
         }
-        let corners = [texel(a), texel(b), texel(c)];
         if let Texture::Leaves { cover, size } = material.texture {
-            let [ca, cb, cc] =
-                face.map(|vertex| mesh.coordinates.get(vertex as usize).copied().unwrap_or_default());
+            let [ca, cb, cc] = face
+                .map(|vertex| mesh.coordinates.get(vertex as usize).copied().unwrap_or_default());
             map.draw_where(corners, |[wb, wc]| {
                 let mix = |i: usize| ca[i] + wb * (cb[i] - ca[i]) + wc * (cc[i] - ca[i]);
                 texture::is_leaf(mix(0), mix(1), cover, size)

@@ -31,7 +31,8 @@ pub(crate) struct Sky {
     zenith: V,
     /// Perez' coefficients for Y, x, y.
     perez: [[f32; 5]; 3],
-    cos_sun: f32,
+    /// Perez' function at the zenith.
+    at_zenith: [f32; 3],
     seed: u32,
 }
 
@@ -89,10 +90,10 @@ impl Sky {
         // 0.3 klx + 21 klx times the height of the sun; the zenith is 9/7 of the mean.
         let illuminance = 0.3 + 21.0 * height;
         let grey = 9.0 / 7.0 * illuminance / std::f32::consts::PI * FROM_KILOCANDELA;
-        let seed = noise::mix(
-            light.to_sun.x.to_bits() as u32 ^ (light.turbidity.to_bits() >> 20) as u32,
-        );
-        Self { to_sun, sun, overcast, grey, zenith, perez, cos_sun: height, seed }
+        let seed =
+            noise::mix(light.to_sun.x.to_bits() as u32 ^ (light.turbidity.to_bits() >> 20) as u32);
+        let at_zenith = perez.map(|coefficients| distribution(coefficients, 1.0, theta, height));
+        Self { to_sun, sun, overcast, grey, zenith, perez, at_zenith, seed }
     }
 
     /// Radiance from a direction (y down), without the sun's disc; what lies below the horizon is as the horizon.
@@ -111,18 +112,16 @@ impl Sky {
         let cos_theta = up.max(0.01);
         let cos_gamma = direction.dot(&self.to_sun).clamp(-1.0, 1.0);
         let gamma = cos_gamma.acos();
-        let perez = |[a, b, c, d, e]: [f32; 5], cos_theta: f32, gamma: f32, cos_gamma: f32| {
-            (1.0 + a * (b / cos_theta).exp())
-                * (1.0 + c * (d * gamma).exp() + e * cos_gamma * cos_gamma)
-        };
-        let theta_sun = self.cos_sun.acos();
         let mut value = V::zeros();
         for i in 0..3 {
-            let at_zenith = perez(self.perez[i], 1.0, theta_sun, self.cos_sun);
-            value[i] =
-                self.zenith[i] * perez(self.perez[i], cos_theta, gamma, cos_gamma) / at_zenith;
+            let share = distribution(self.perez[i], cos_theta, gamma, cos_gamma);
+            value[i] = self.zenith[i] * share / self.at_zenith[i];
         }
-        to_rgb(value[0], value[1], value[2])
+        let color = to_rgb(value[0], value[1], value[2]);
+        // The model's horizon is too pink: haze there scatters all colours alike.
+        let grey = 0.30 * color.x + 0.59 * color.y + 0.11 * color.z;
+        let haze = 0.75 * (-7.0 * up).exp();
+        color.lerp(&(V::new(0.96, 1.0, 1.05) * grey), haze)
     }
 
     /// [`Self::radiance`] with clouds.
@@ -141,8 +140,9 @@ impl Sky {
         let share = share * share * (3.0 - 2.0 * share) * (up * 12.0).min(1.0);
         let thick = ((value - low) * 2.2).clamp(0.0, 1.0);
         // Towards the sun clouds are bright at their edges, away from it all over.
-        let lit = self.sun * (0.34 - 0.16 * thick) + V::repeat(0.9 * self.grey);
-        sky.lerp(&(lit + 0.3 * sky), 0.85 * share * (1.0 - 0.6 * self.overcast))
+        let lit = self.sun * (0.34 - 0.16 * thick);
+        let shade = 0.5 * (1.0 - self.overcast) + (1.12 - 0.45 * thick) * self.overcast;
+        sky.lerp(&(lit + sky * shade), 0.85 * share)
     }
 
     /// The sun's disc with its glow, in a direction.
@@ -156,6 +156,11 @@ impl Sky {
         let glow = 2.0 * (-(angle / 0.02).powi(2)).exp();
         self.sun * (disc + glow)
     }
+}
+
+/// Perez' function of the angle to the zenith and to the sun.
+fn distribution([a, b, c, d, e]: [f32; 5], cos_theta: f32, gamma: f32, cos_gamma: f32) -> f32 {
+    (1.0 + a * (b / cos_theta).exp()) * (1.0 + c * (d * gamma).exp() + e * cos_gamma * cos_gamma)
 }
 
 /// Share of the sun's light that reaches the ground, red, green and blue.

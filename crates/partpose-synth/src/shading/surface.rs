@@ -8,7 +8,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::scene::{Air, Material, SegmentClass};
+use crate::scene::{Air, Material, SegmentClass, Texture};
 
 use super::contact::{self, Block};
 use super::environment::Environment;
@@ -27,6 +27,7 @@ const SEAL: f32 = 0.011;
 const DUST: [f32; 3] = [0.16, 0.135, 0.105];
 
 /// What there is of light.
+#[derive(Clone, Copy)]
 pub(super) struct Lighting<'a> {
     pub(super) sky: &'a Sky,
     pub(super) environment: &'a Environment,
@@ -34,6 +35,8 @@ pub(super) struct Lighting<'a> {
     pub(super) blocks: &'a [Block],
     pub(super) air: Air,
     pub(super) world_from_camera: Matrix3<f32>,
+    /// Where the eye is, relative to the camera.
+    pub(super) shift: V,
     /// Metres a pixel at a depth of one metre.
     pub(super) pixel: f32,
     /// Light of fog in front of the dark.
@@ -68,12 +71,7 @@ pub(super) struct Pane {
 
 impl<'a> Spot<'a> {
     /// Where a viewing ray (camera coordinates, z = 1) meets the plane of a face.
-    pub(super) fn new(
-        lighting: &Lighting,
-        seen: &'a Seen<'a>,
-        face: u32,
-        ray: &V,
-    ) -> Option<Self> {
+    pub(super) fn new(lighting: &Lighting, seen: &'a Seen<'a>, face: u32, ray: &V) -> Option<Self> {
         let mesh = &seen.object.mesh;
         let corners = mesh.faces.get(face as usize)?;
         let [a, b, c] = corners.map(|i| seen.positions[i as usize]);
@@ -91,12 +89,14 @@ impl<'a> Spot<'a> {
         let weights = [1.0 - wb - wc, wb, wc];
         let place_in_camera = a + ab * wb + ac * wc;
         let depth = place_in_camera.z.max(0.05);
-        let place = lighting.world_from_camera * place_in_camera;
-        let distance = place.norm().max(1e-6);
-        let to_eye = place / -distance;
+        let from_eye = lighting.world_from_camera * place_in_camera;
+        let to_eye = from_eye / -from_eye.norm().max(1e-6);
+        let place = from_eye + lighting.shift;
         let flat = lighting.world_from_camera * ab.cross(&ac);
         let flat = flat.try_normalize(0.0).unwrap_or_else(|| -V::y());
-        let mixed = |values: [V; 3]| values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2];
+        let mixed = |values: [V; 3]| {
+            values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2]
+        };
         let normal = match corners.map(|i| mesh.normals.get(i as usize)) {
             [Some(a), Some(b), Some(c)] => {
                 (seen.world_from_normal * mixed([*a, *b, *c])).try_normalize(1e-12).unwrap_or(flat)
@@ -110,7 +110,9 @@ impl<'a> Spot<'a> {
         if facing < 0.04 {
             normal = (normal + to_eye * (0.04 - facing)).normalize();
         }
-        let mix = |values: [f32; 3]| values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2];
+        let mix = |values: [f32; 3]| {
+            values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2]
+        };
         let coordinates = [0, 1].map(|axis| {
             mix(corners.map(|i| mesh.coordinates.get(i as usize).map_or(0.0, |pair| pair[axis])))
         });
@@ -162,6 +164,12 @@ impl<'a> Spot<'a> {
 
     /// Light towards the eye.
     pub(super) fn radiance(&self, lighting: &Lighting) -> V {
+        if self.material.transmission > 0.0 {
+            // A pane that nothing is drawn behind: the inside is dark.
+            let pane = self.pane(lighting);
+            let inside = lighting.environment.irradiance(&self.normal) * 0.045;
+            return pane.reflected + pane.tint.component_mul(&inside);
+        }
         let mut local = texture::local(self.material, self.coordinates, self.footprint);
         let mut open = self.open;
         if self.is_vehicle {
@@ -185,10 +193,11 @@ impl<'a> Spot<'a> {
             }
         }
         self.add_dirt(&mut local);
-        let is_level = !self.is_vehicle && self.normal.y < -0.8;
         let mut mirror = 0.0;
-        if is_level {
+        if !self.is_vehicle && self.normal.y < -0.5 {
             open *= contact::openness(lighting.blocks, &self.place);
+        }
+        if self.is_ground() {
             mirror = self.wet(&mut local, lighting.air.wetness as f32);
         }
         let sun = lighting.sky.sun;
@@ -209,7 +218,7 @@ impl<'a> Spot<'a> {
         }
         let mut out = matt.component_mul(&(ambient + sun * toward_sun.max(0.0)));
         // Leaves let light through.
-        if matches!(self.material.texture, crate::scene::Texture::Leaves { .. }) {
+        if matches!(self.material.texture, Texture::Leaves { .. }) {
             let through = (-toward_sun).max(0.0) * 0.45;
             if through > 0.0 {
                 let lit = lighting.shadows.lit(&self.place, &-self.normal, self.depth);
@@ -241,6 +250,20 @@ impl<'a> Spot<'a> {
         out + local.emission
     }
 
+    fn is_ground(&self) -> bool {
+        self.normal.y < -0.8
+            && matches!(self.seen.object.class, SegmentClass::Road | SegmentClass::Terrain)
+    }
+
+    /// How much of the place is a mirror of water.
+    pub(super) fn water(&self, lighting: &Lighting) -> f32 {
+        if !self.is_ground() || lighting.air.wetness <= 0.0 {
+            return 0.0;
+        }
+        let mut local = texture::local(self.material, self.coordinates, self.footprint);
+        self.wet(&mut local, lighting.air.wetness as f32)
+    }
+
     /// What a pane of glass adds and lets through.
     pub(super) fn pane(&self, lighting: &Lighting) -> Pane {
         let local = texture::local(self.material, self.coordinates, self.footprint);
@@ -262,7 +285,8 @@ impl<'a> Spot<'a> {
         reflected *= 1.0 - 0.9 * seal;
         // Dust on the glass scatters light.
         let dust = 0.10 * self.material.dirt;
-        let light = lighting.environment.irradiance(&self.normal) * open + sun * toward_sun.max(0.0);
+        let light =
+            lighting.environment.irradiance(&self.normal) * open + sun * toward_sun.max(0.0);
         reflected += V::from(DUST).component_mul(&light) * dust;
         tint *= 1.0 - dust;
         Pane { reflected, tint }
@@ -275,7 +299,14 @@ impl<'a> Spot<'a> {
         color * share + lighting.airlight * (1.0 - share)
     }
 
-    fn highlight(&self, lighting: &Lighting, sun: &V, below: &V, roughness: f32, cos_sun: f32) -> V {
+    fn highlight(
+        &self,
+        lighting: &Lighting,
+        sun: &V,
+        below: &V,
+        roughness: f32,
+        cos_sun: f32,
+    ) -> V {
         if cos_sun <= 0.0 || sun.x <= 1e-4 {
             return V::zeros();
         }
@@ -352,7 +383,9 @@ impl<'a> Spot<'a> {
         let puddle = ((hollow - 0.62 + 0.22 * wetness) * 9.0).clamp(0.0, 1.0);
         local.color *= 1.0 - 0.55 * wetness;
         local.roughness = local.roughness * (1.0 - 0.6 * wetness) + 0.02;
-        (wetness * (0.25 + 0.75 * puddle)).clamp(0.0, 1.0)
+        // Grass holds its water under the blades.
+        let share = if self.material.texture == Texture::Grass { 0.08 } else { 1.0 };
+        (share * wetness * (0.25 + 0.75 * puddle)).clamp(0.0, 1.0)
     }
 }
 

@@ -53,7 +53,8 @@ pub(super) fn local(material: &Material, [u, v]: [f32; 2], footprint: f32) -> Lo
         }
         Texture::Leaves { size, .. } => {
             let scale = 1.0 / size.max(1e-3);
-            let shade = 0.55 + 0.9 * fractal(0.7 * u * scale, 0.7 * v * scale, 3, footprint * scale, 5);
+            let shade =
+                0.55 + 0.9 * fractal(0.7 * u * scale, 0.7 * v * scale, 3, footprint * scale, 5);
             local.color *= shade;
         }
         Texture::Grass => {
@@ -101,7 +102,8 @@ fn asphalt(local: &mut Local, u: f32, v: f32, footprint: f32) {
         let slow = fractal(u * 0.45 + 40.0, v * 0.45, 4, footprint, 15) - 0.5;
         let region = smooth(u * 0.08 + 9.0, v * 0.08, 16);
         let width = 0.006 + footprint * 0.4;
-        let line = (1.0 - slow.abs() / width).clamp(0.0, 1.0) * ((region - 0.55) * 6.0).clamp(0.0, 1.0);
+        let line =
+            (1.0 - slow.abs() / width).clamp(0.0, 1.0) * ((region - 0.55) * 6.0).clamp(0.0, 1.0);
         local.color *= 1.0 - 0.55 * line * (0.012 / width).min(1.0);
     }
 }
@@ -204,7 +206,8 @@ fn plate(local: &mut Local, [u, v]: [f32; 2], seed: u32, footprint: f32) {
         return;
     }
     let seen = sharpness(footprint, 0.02);
-    let dot = |x: f32, y: f32| cell((x / 0.0135) as i32 + 3 * column as i32, (y / 0.016) as i32, seed);
+    let dot =
+        |x: f32, y: f32| cell((x / 0.0135) as i32 + 3 * column as i32, (y / 0.016) as i32, seed);
     let is_gap = column as i32 == 2 + (seed % 2) as i32;
     let is_ink = !is_gap && dot(x, v + 0.04) % 100 < 62;
     let ink = if is_gap { 0.0 } else { 0.55 + seen * (f32::from(u8::from(is_ink)) - 0.55) };

@@ -7,12 +7,14 @@ use nalgebra::{Matrix3, Vector3};
 use partpose::geometry::{Camera, Pose};
 use rayon::prelude::*;
 
-use crate::scene::{Material, Object, Scene, SegmentClass, SurfaceMesh, Texture};
+use crate::scene::{Material, Object, Scene, SurfaceMesh, Texture};
 
 /// Steps a pixel on the grid that corners are rounded to.
 pub(super) const STEPS: i32 = 256;
 /// Nearest depth that is drawn, metres.
 const NEAR: f64 = 0.08;
+/// Depth beyond which the inside of vehicles is left out, metres a pixel of focal length: 44 m at 725.
+const INSIDE: f64 = 0.06;
 /// Tangent of the angle beyond which triangles are clipped, so that coordinates stay small.
 const GUARD: f64 = 24.0;
 
@@ -30,7 +32,8 @@ pub(super) struct Seen<'a> {
     pub(super) ground: f32,
     /// Middle of its vertices, camera coordinates.
     pub(super) center: V,
-    pub(super) radius: f32,
+    /// Too far away for what is inside to be seen.
+    pub(super) is_far: bool,
 }
 
 /// A triangle on the screen.
@@ -41,12 +44,15 @@ pub(super) struct Triangle {
     pub(super) y: [i32; 3],
     /// 1 / z.
     pub(super) inverse_depth: [f32; 3],
-    /// Coordinates for those that have holes.
-    pub(super) coordinates: [[f32; 2]; 3],
+    /// Index into [`Triangles::coordinates`] for those that have holes, else [`SOLID`].
+    pub(super) holes: u32,
     /// Index into the list of what is seen.
     pub(super) seen: u32,
     pub(super) face: u32,
 }
+
+/// A triangle without holes.
+pub(super) const SOLID: u32 = u32::MAX;
 
 /// All triangles, by the way they are drawn.
 #[derive(Debug, Default)]
@@ -57,6 +63,8 @@ pub(super) struct Triangles {
     pub(super) unlabelled: usize,
     /// What light comes through.
     pub(super) glass: Vec<Triangle>,
+    /// Texture coordinates of triangles with holes.
+    pub(super) coordinates: Vec<[[f32; 2]; 3]>,
 }
 
 /// Middle and radius of a mesh.
@@ -107,7 +115,8 @@ pub(super) fn seen<'a>(
         let scaled = center.cast::<f64>().component_mul(&object.scale);
         let center = camera_from_object * nalgebra::Point3::from(scaled);
         let radius = f64::from(*radius) * object.scale.abs().max();
-        if outside.iter().any(|plane| plane.dot(&center.coords) > radius) || center.z < NEAR - radius
+        if outside.iter().any(|plane| plane.dot(&center.coords) > radius)
+            || center.z < NEAR - radius
         {
             return None;
         }
@@ -120,15 +129,14 @@ pub(super) fn seen<'a>(
         let inverse = object.scale.map(|factor| 1.0 / factor);
         let rotation = object.world_from_object.rotation.to_rotation_matrix();
         let world_from_normal = (*rotation.matrix() * diagonal(&inverse)).cast();
-        let ground =
-            object.world_from_object.translation.y - world_from_camera.translation.y;
+        let ground = object.world_from_object.translation.y - world_from_camera.translation.y;
         Some(Seen {
             object,
             positions,
             world_from_normal,
             ground: ground as f32,
             center: center.coords.cast(),
-            radius: radius as f32,
+            is_far: center.z > INSIDE * camera.focal[0].abs(),
         })
     };
     let pairs: Vec<_> = scene.objects.iter().zip(bounds).collect();
@@ -177,24 +185,33 @@ pub(super) fn material_of(object: &Object, face: u32) -> &Material {
     object.materials.get(usize::from(slot)).unwrap_or(&NONE)
 }
 
-/// The triangles of what is seen.
-pub(super) fn triangles(camera: &Camera, seen: &[Seen]) -> Triangles {
-    let lists: Vec<[Vec<Triangle>; 2]> = seen
+/// The triangles of what is seen that cover a sample of a grid of `step` steps.
+pub(super) fn triangles(camera: &Camera, seen: &[Seen], step: i32) -> Triangles {
+    let lists: Vec<Triangles> = seen
         .par_iter()
         .enumerate()
-        .map(|(index, seen)| object_triangles(camera, seen, index as u32))
+        .map(|(index, seen)| object_triangles(camera, seen, index as u32, step))
         .collect();
     let mut all = Triangles::default();
-    let count = lists.iter().map(|[opaque, _]| opaque.len()).sum();
-    all.opaque.reserve(count);
+    all.opaque.reserve(lists.iter().map(|list| list.opaque.len()).sum());
     for labelled in [false, true] {
         if labelled {
             all.unlabelled = all.opaque.len();
         }
-        for ([opaque, glass], seen) in lists.iter().zip(seen) {
+        for (list, seen) in lists.iter().zip(seen) {
             if is_labelled(seen.object) == labelled {
-                all.opaque.extend_from_slice(opaque);
-                all.glass.extend_from_slice(glass);
+                let start = all.coordinates.len() as u32;
+                let moved = |triangle: &Triangle| Triangle {
+                    holes: if triangle.holes == SOLID { SOLID } else { triangle.holes + start },
+                    ..*triangle
+                };
+                if list.coordinates.is_empty() {
+                    all.opaque.extend_from_slice(&list.opaque);
+                } else {
+                    all.opaque.extend(list.opaque.iter().map(moved));
+                }
+                all.glass.extend_from_slice(&list.glass);
+                all.coordinates.extend_from_slice(&list.coordinates);
             }
         }
     }
@@ -211,15 +228,17 @@ struct Projected {
     code: u8,
 }
 
-fn object_triangles(camera: &Camera, seen: &Seen, index: u32) -> [Vec<Triangle>; 2] {
+fn object_triangles(camera: &Camera, seen: &Seen, index: u32, step: i32) -> Triangles {
     let mesh = &seen.object.mesh;
     let projected: Vec<Projected> = seen.positions.iter().map(|p| project(camera, p)).collect();
-    let mut lists = [Vec::with_capacity(mesh.faces.len()), Vec::new()];
-    let keeps_back_faces = seen.object.has_parts
-        || matches!(
-            seen.object.class,
-            SegmentClass::Car | SegmentClass::Van | SegmentClass::Truck
-        );
+    let mut list = Triangles::default();
+    list.opaque.reserve(mesh.faces.len());
+    let materials = Slots::new(seen.object);
+    let shift = step.trailing_zeros();
+    let misses = |a: i32, b: i32, c: i32| {
+        let [low, high] = [a.min(b).min(c), a.max(b).max(c)];
+        (low + step - 1) >> shift > high >> shift
+    };
     for (i, face) in mesh.faces.iter().enumerate() {
         let [Some(a), Some(b), Some(c)] = face.map(|vertex| projected.get(vertex as usize)) else {
             continue;
@@ -227,38 +246,93 @@ fn object_triangles(camera: &Camera, seen: &Seen, index: u32) -> [Vec<Triangle>;
         if a.code & b.code & c.code & !16 != 0 {
             continue;
         }
-        let material = material_of(seen.object, i as u32);
-        let has_holes = matches!(material.texture, Texture::Leaves { .. });
-        let coordinate = |vertex: u32| {
-            if has_holes {
-                mesh.coordinates.get(vertex as usize).copied().unwrap_or_default()
-            } else {
-                [0.0; 2]
-            }
+        let is_inside = seen.object.has_parts && mesh.parts.get(i).is_none_or(|part| *part == 0);
+        if is_inside && seen.is_far {
+            continue;
+        }
+        let kind = materials.of(i);
+        // What is far is drawn with dark panes, which spares its inside.
+        let is_pane = kind == Kind::Glass && !seen.is_far;
+        let shows_back = match seen.object.has_parts {
+            true => !seen.is_far && kind == Kind::Solid && is_lining(mesh.parts.get(i)),
+            false => true,
         };
-        let list = &mut lists[usize::from(is_glass(material))];
         if (a.code | b.code | c.code) & 16 == 0 {
-            let area = i64::from(b.x - a.x) * i64::from(c.y - a.y)
-                - i64::from(b.y - a.y) * i64::from(c.x - a.x);
-            if area == 0 || (area > 0 && keeps_back_faces && is_glass(material)) {
+            if misses(a.x, b.x, c.x) || misses(a.y, b.y, c.y) {
                 continue;
             }
-            list.push(Triangle {
+            let area = i64::from(b.x - a.x) * i64::from(c.y - a.y)
+                - i64::from(b.y - a.y) * i64::from(c.x - a.x);
+            if area == 0 || (area > 0 && !shows_back) {
+                continue;
+            }
+            let holes = match kind {
+                Kind::Holes => {
+                    list.coordinates.push(face.map(|vertex| coordinate(mesh, vertex)));
+                    list.coordinates.len() as u32 - 1
+                }
+                _ => SOLID,
+            };
+            let triangle = Triangle {
                 x: [a.x, b.x, c.x],
                 y: [a.y, b.y, c.y],
                 inverse_depth: [a.inverse_depth, b.inverse_depth, c.inverse_depth],
-                coordinates: face.map(coordinate),
+                holes,
                 seen: index,
                 face: i as u32,
-            });
+            };
+            if is_pane { list.glass.push(triangle) } else { list.opaque.push(triangle) }
         } else {
             let corner = |vertex: u32| {
-                (seen.positions[vertex as usize].cast::<f64>(), coordinate(vertex))
+                (seen.positions[vertex as usize].cast::<f64>(), coordinate(mesh, vertex))
             };
-            clip(camera, face.map(corner), index, i as u32, list);
+            clip(camera, face.map(corner), [index, i as u32], kind, &mut list);
         }
     }
-    lists
+    list
+}
+
+/// Whether a part's inner side is seen through the windows.
+fn is_lining(part: Option<&u8>) -> bool {
+    // What is inside has no part; doors, sides and roof.
+    part.is_none_or(|part| matches!(part, 0 | 11..=16 | 25 | 26))
+}
+
+fn coordinate(mesh: &SurfaceMesh, vertex: u32) -> [f32; 2] {
+    mesh.coordinates.get(vertex as usize).copied().unwrap_or_default()
+}
+
+/// How a material is drawn.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Solid,
+    Holes,
+    Glass,
+}
+
+/// The kinds of an object's materials.
+struct Slots<'a> {
+    kinds: Vec<Kind>,
+    of_faces: &'a [u16],
+}
+
+impl<'a> Slots<'a> {
+    fn new(object: &'a Object) -> Self {
+        let kind = |material: &Material| match material.texture {
+            Texture::Leaves { .. } => Kind::Holes,
+            _ if is_glass(material) => Kind::Glass,
+            _ => Kind::Solid,
+        };
+        Self {
+            kinds: object.materials.iter().map(kind).collect(),
+            of_faces: &object.mesh.materials,
+        }
+    }
+
+    fn of(&self, face: usize) -> Kind {
+        let slot = self.of_faces.get(face).copied().unwrap_or(0);
+        self.kinds.get(usize::from(slot)).copied().unwrap_or(Kind::Solid)
+    }
 }
 
 fn project(camera: &Camera, p: &V) -> Projected {
@@ -288,9 +362,9 @@ type Corner = (Vector3<f64>, [f32; 2]);
 fn clip(
     camera: &Camera,
     corners: [Corner; 3],
-    seen: u32,
-    face: u32,
-    list: &mut Vec<Triangle>,
+    [seen, face]: [u32; 2],
+    kind: Kind,
+    list: &mut Triangles,
 ) {
     let planes: [fn(&Vector3<f64>) -> f64; 5] = [
         |p| p.z - NEAR,
@@ -328,14 +402,21 @@ fn clip(
         .collect();
     for i in 2..projected.len() {
         let corners = [projected[0], projected[i - 1], projected[i]];
-        list.push(Triangle {
+        let holes = if kind == Kind::Holes {
+            list.coordinates.push(corners.map(|corner| corner.3));
+            list.coordinates.len() as u32 - 1
+        } else {
+            SOLID
+        };
+        let triangle = Triangle {
             x: corners.map(|corner| corner.0),
             y: corners.map(|corner| corner.1),
             inverse_depth: corners.map(|corner| corner.2),
-            coordinates: corners.map(|corner| corner.3),
+            holes,
             seen,
             face,
-        });
+        };
+        if kind == Kind::Glass { list.glass.push(triangle) } else { list.opaque.push(triangle) }
     }
 }
 

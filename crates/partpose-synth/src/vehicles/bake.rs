@@ -24,7 +24,8 @@ type V = Vector3<f32>;
 
 /// The open share at every vertex.
 pub(super) fn openness(surface: &SurfaceMesh) -> Vec<f32> {
-    let Some(radius) = surface.vertices.iter().map(|p| p.coords.norm()).max_by(f32::total_cmp) else {
+    let Some(radius) = surface.vertices.iter().map(|p| p.coords.norm()).max_by(f32::total_cmp)
+    else {
         return Vec::new();
     };
     let seen: Vec<(V, Vec<bool>)> = (0..DIRECTIONS)

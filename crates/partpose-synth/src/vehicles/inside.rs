@@ -104,8 +104,7 @@ fn add_box(work: &mut Patchwork, slot: Slot, [a, b]: [V; 2]) {
     for (i, corner) in corners.iter_mut().enumerate() {
         let pick = |bit: usize, low: f32, high: f32| if (i >> bit) & 1 == 1 { high } else { low };
         // Bit 1 counts upwards, which is towards smaller y.
-        *corner =
-            V::new(pick(0, low.x, high.x), pick(1, high.y, low.y), pick(2, low.z, high.z));
+        *corner = V::new(pick(0, low.x, high.x), pick(1, high.y, low.y), pick(2, low.z, high.z));
     }
     add_hexahedron(work, slot, &corners);
 }

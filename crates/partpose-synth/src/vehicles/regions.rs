@@ -104,21 +104,24 @@ fn front(work: &mut Patchwork) {
     let reach = inner - 0.03;
     for (slot, grow) in [(Slot::Frame, 0.012), (Slot::Grille, 0.0)] {
         let trapezium = move |p: &V| p.x.abs() - (reach + grow) - 0.25 * (-p.y - upper[1]);
-        work.paint(slot, is_front, &[&is_ahead, &trapezium, &|p| upper[0] - grow + p.y, &|p| {
-            -p.y - upper[1] - grow
-        }]);
+        work.paint(
+            slot,
+            is_front,
+            &[&is_ahead, &trapezium, &|p| upper[0] - grow + p.y, &|p| -p.y - upper[1] - grow],
+        );
     }
     let lower = [ground + 0.09, ground + 0.22];
-    for (slot, reach, grow) in
-        [(Slot::BlackPlastic, 0.80, 0.012), (Slot::Grille, 0.52, 0.0)]
-    {
+    for (slot, reach, grow) in [(Slot::BlackPlastic, 0.80, 0.012), (Slot::Grille, 0.52, 0.0)] {
         let edge = reach * half_width;
         work.paint(
             slot,
             is_front,
-            &[&is_ahead, &|p| p.x.abs() - edge - 0.3 * (-p.y - lower[1]), &|p| {
-                lower[0] - grow + p.y
-            }, &|p| -p.y - lower[1] - grow],
+            &[
+                &is_ahead,
+                &|p| p.x.abs() - edge - 0.3 * (-p.y - lower[1]),
+                &|p| lower[0] - grow + p.y,
+                &|p| -p.y - lower[1] - grow,
+            ],
         );
     }
     let middle = (0.5 * (lower[1] + upper[0])).max(lower[1] + 0.03);
@@ -170,13 +173,16 @@ fn head_lamp(work: &mut Patchwork, part: P) {
     work.paint(
         Slot::Daytime,
         is_lamp,
-        &[&|p| -p.y - (-high.y + 0.22 * size.y), &|p| (low.z + 0.35 * size.z) - p.z],
+        &[&|p| -p.y - (-high.y + 0.17 * size.y), &|p| (-high.y + 0.06 * size.y) + p.y, &|p| {
+            (low.z + 0.45 * size.z) - p.z
+        }],
     );
-    let indicator =
-        if side < 0.0 { Slot::FrontIndicatorLeft } else { Slot::FrontIndicatorRight };
-    work.paint(indicator, is_lamp, &[&|p| p.z - (low.z + 0.24 * size.z), &|p| {
-        (-high.y + 0.30 * size.y) + p.y
-    }]);
+    let indicator = if side < 0.0 { Slot::FrontIndicatorLeft } else { Slot::FrontIndicatorRight };
+    work.paint(
+        indicator,
+        is_lamp,
+        &[&|p| p.z - (low.z + 0.24 * size.z), &|p| (-high.y + 0.30 * size.y) + p.y],
+    );
     let radius = (0.30 * size.y).min(0.2 * size.x).max(0.03);
     for share in [0.34, 0.70] {
         let x = inner + share * size.x;
@@ -192,17 +198,17 @@ fn tail_lamp(work: &mut Patchwork, part: P) {
     let is_lamp = |facet: &Facet| is_one_of(facet, &[part]);
     let level = move |share: f32| -high.y + share * size.y;
     let middle = 0.5 * (low.x + high.x).abs();
-    work.paint(Slot::BrakeLamp, is_lamp, &[&|p| level(0.58) + p.y]);
+    work.paint(Slot::BrakeLamp, is_lamp, &[&|p| level(0.50) + p.y, &|p| -p.y - level(0.90)]);
     let indicator = if side < 0.0 { Slot::RearIndicatorLeft } else { Slot::RearIndicatorRight };
     work.paint(
         indicator,
         is_lamp,
-        &[&|p| -p.y - level(0.32), &|p| level(0.08) + p.y, &|p| middle - p.x * side],
+        &[&|p| -p.y - level(0.36), &|p| level(0.14) + p.y, &|p| middle - p.x * side],
     );
     work.paint(
         Slot::Reverse,
         is_lamp,
-        &[&|p| -p.y - level(0.32), &|p| level(0.08) + p.y, &|p| p.x * side - middle + 0.01],
+        &[&|p| -p.y - level(0.36), &|p| level(0.14) + p.y, &|p| p.x * side - middle + 0.01],
     );
 }
 
@@ -251,8 +257,7 @@ fn handles(work: &mut Patchwork) {
         // The rear door's lower half is cut away by the wheel arch, its upper half is not.
         let from = low.z + 0.08;
         let is_door = |facet: &Facet| is_one_of(facet, &[door]);
-        let along = [&|p: &V| from - p.z, &|p: &V| p.z - from - 0.20]
-            as [&dyn Fn(&V) -> f32; 2];
+        let along = [&|p: &V| from - p.z, &|p: &V| p.z - from - 0.20] as [&dyn Fn(&V) -> f32; 2];
         work.paint(
             Slot::BlackPlastic,
             is_door,

@@ -119,7 +119,7 @@ fn material(slot: Slot, look: &Look, lamps: &Lamps) -> Material {
         ..plain(color, 0.25)
     };
     let [red, amber, white] = [[1.0, 0.025, 0.015], [1.0, 0.33, 0.01], [1.0, 0.95, 0.86]];
-    let amber_off = [0.45, 0.20, 0.04];
+    let amber_off = [0.36, 0.13, 0.025];
     match slot {
         Slot::Paint => paint,
         Slot::LowerTrim if look.plastic_trim => plastic,
@@ -156,17 +156,15 @@ fn material(slot: Slot, look: &Look, lamps: &Lamps) -> Material {
             ..plain([0.30, 0.31, 0.32], 0.22)
         },
         Slot::HeadCore => Material { metallic: 0.9, ..lit(lamps.head, [0.6; 3], white, HEAD) },
-        Slot::Daytime => {
-            lit(lamps.daytime || lamps.head, [0.5; 3], [0.95, 0.98, 1.0], 0.5 * HEAD)
-        }
+        Slot::Daytime => lit(lamps.daytime || lamps.head, [0.3; 3], [0.95, 0.98, 1.0], 0.35 * HEAD),
         Slot::FrontIndicatorLeft => lit(lamps.left, amber_off, amber, INDICATOR),
         Slot::FrontIndicatorRight => lit(lamps.right, amber_off, amber, INDICATOR),
-        Slot::TailLamp => lit(lamps.head, [0.30, 0.012, 0.012], red, TAIL),
-        Slot::BrakeLamp if lamps.brake => lit(true, [0.30, 0.012, 0.012], red, BRAKE),
-        Slot::BrakeLamp => lit(lamps.head, [0.34, 0.014, 0.014], red, TAIL),
+        Slot::TailLamp => lit(lamps.head, [0.24, 0.010, 0.012], red, TAIL),
+        Slot::BrakeLamp if lamps.brake => lit(true, [0.24, 0.010, 0.012], red, BRAKE),
+        Slot::BrakeLamp => lit(lamps.head, [0.30, 0.012, 0.013], red, TAIL),
         Slot::RearIndicatorLeft => lit(lamps.left, amber_off, amber, INDICATOR),
         Slot::RearIndicatorRight => lit(lamps.right, amber_off, amber, INDICATOR),
-        Slot::Reverse => lit(lamps.reverse, [0.5; 3], white, INDICATOR),
+        Slot::Reverse => lit(lamps.reverse, [0.34, 0.31, 0.31], white, INDICATOR),
         Slot::MirrorGlass => Material { metallic: 1.0, dirt: 0.0, ..plain([0.6; 3], 0.03) },
         Slot::Inside => Material { dirt: 0.0, ..plain(look.inside_color, 0.8) },
         Slot::Seat => Material { dirt: 0.0, ..plain(look.inside_color.map(|v| 0.8 * v), 0.8) },
