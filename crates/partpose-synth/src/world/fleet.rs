@@ -63,12 +63,21 @@ impl Fleet {
         Vehicle { kind, extent, look: random_look(&mut rng) }
     }
 
-    /// The vehicle of a category nearest in size to a cuboid, scaled to it.
-    pub(crate) fn like(&self, seed: u64, words: &[i64], category: &str, extent: Extent) -> Option<Vehicle> {
-        let fits = |kind: &&usize| self.kinds[**kind].category == category;
-        let all: Vec<usize> = (0..self.kinds.len()).collect();
+    /// The vehicle of a category scaled to a size: one of the body style that another data set's name of a mesh speaks
+    /// of, or else the one nearest in size.
+    pub(crate) fn like(&self, seed: u64, words: &[i64], mesh: &str, category: &str, extent: Extent) -> Option<Vehicle> {
+        let mesh = mesh.to_lowercase();
+        let of_category = || (0..self.kinds.len()).filter(|kind| self.kinds[*kind].category == category);
+        let speaks = |kind: &usize| {
+            let style = self.kinds[*kind].body_style.to_lowercase();
+            !style.is_empty() && (mesh.contains(&style) || synonym(&mesh).is_some_and(|word| style.contains(word)))
+        };
+        let mut fitting: Vec<usize> = of_category().filter(speaks).collect();
+        if fitting.is_empty() {
+            fitting = of_category().collect();
+        }
         let distance = |kind: usize| self.kinds[kind].extent.l1_distance(&extent);
-        let kind = *all.iter().filter(fits).min_by(|a, b| distance(**a).total_cmp(&distance(**b)))?;
+        let kind = fitting.into_iter().min_by(|a, b| distance(*a).total_cmp(&distance(*b)))?;
         Some(Vehicle { kind, extent, look: random_look(&mut random(seed, words)) })
     }
 
@@ -91,6 +100,14 @@ impl Fleet {
             instance,
             has_parts: true,
         }
+    }
+}
+
+/// Body styles of Virtual KITTI's meshes whose names do not say it.
+fn synonym(mesh: &str) -> Option<&'static str> {
+    match mesh {
+        "hybrid" | "peugeot_207" => Some("hatchback"),
+        _ => None,
     }
 }
 

@@ -144,8 +144,9 @@ impl Layout {
             if label.category != "Car" {
                 continue;
             }
+            let mesh = label.model.as_deref().unwrap_or_default();
             let words = [0x4e1, i64::from(number)];
-            let Some(vehicle) = fleet.like(seed, &words, &label.category, label.cuboid.extent) else {
+            let Some(vehicle) = fleet.like(seed, &words, mesh, &label.category, label.cuboid.extent) else {
                 continue;
             };
             let world_from_vehicle = world_from_camera * label.cuboid.camera_from_vehicle;
