@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use nalgebra::{Point3, Vector3};
 use partpose::geometry::{Camera, Pose};
+use partpose::vehicle::Mesh;
 
 /// One moment, ready to be drawn.
 #[derive(Clone, Debug)]
@@ -59,6 +60,28 @@ pub struct SurfaceMesh {
     pub materials: Vec<u16>,
     /// Part id of every face, 0 for none.
     pub parts: Vec<u8>,
+    /// Share of the sky that the object itself leaves open, one a vertex; empty where that is all of it.
+    pub openness: Vec<f32>,
+    /// Joints along the faces' edges, one byte a face, see [`Joint`]; empty where there are none.
+    pub joints: Vec<u8>,
+    /// The mesh by which the labels are drawn; `None` for objects without parts.
+    ///
+    /// It is the model's own, so that labels made from poses and models equal these to the bit; the surface may only
+    /// differ from it by what fits inside.
+    pub labels: Option<Arc<Mesh>>,
+}
+
+/// What runs along an edge of a face; two bits an edge in [`SurfaceMesh::joints`], the edge opposite of the first
+/// corner in the lowest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Joint {
+    /// Nothing.
+    None,
+    /// A gap between panels, a few millimetres wide.
+    Gap,
+    /// A rubber seal, as round windows.
+    Seal,
 }
 
 /// How a surface takes light.
@@ -121,6 +144,28 @@ pub enum Texture {
     },
     /// Blades of grass as noise in two scales.
     Grass,
+    /// Slats along the first coordinate over a dark inside.
+    Grille {
+        /// Distance of the slats, metres.
+        pitch: f32,
+    },
+    /// A wheel in its plane: coordinates are shares of its radius.
+    Rim {
+        /// Number of spokes.
+        spokes: u8,
+        /// Share of the rim's face that is metal.
+        cover: f32,
+    },
+    /// A number plate, coordinates from its middle.
+    Plate {
+        /// Chooses the characters.
+        seed: u32,
+    },
+    /// The ribs and cells of a lamp's reflector.
+    Lamp {
+        /// Size of a cell, metres.
+        cell: f32,
+    },
 }
 
 /// Sun and sky.

@@ -1,1 +1,64 @@
-//! The procedural vehicles with materials.
+//! Vehicle models with materials: paint, glass, rubber, rims, lamps, plates and what is seen inside.
+//!
+//! [`vehicle_kind`] turns an annotated model into a surface once; [`random_look`] chooses how one of its kind looks,
+//! [`materials`] says what that means for light. An object of the scene is made of all three:
+//!
+//! ```
+//! use partpose::vehicle::ModelZoo;
+//! use partpose_synth::vehicles::{Lamps, materials, random_look, vehicle_kind};
+//! use rand::SeedableRng;
+//!
+//! let kind = vehicle_kind(&ModelZoo::embedded().models[0]);
+//! let look = random_look(&mut rand_chacha::ChaCha8Rng::seed_from_u64(1));
+//! let lamps = Lamps { brake: true, ..Lamps::default() };
+//! assert!(kind.surface.materials.iter().all(|slot| usize::from(*slot) < materials(&look, &lamps).len()));
+//! ```
+
+mod bake;
+mod inside;
+mod looks;
+mod patchwork;
+mod regions;
+mod slots;
+
+use std::sync::Arc;
+
+use partpose::geometry::Extent;
+use partpose::vehicle::VehicleModel;
+
+use crate::scene::SurfaceMesh;
+
+pub use looks::{Lamps, Look, Paint, random_look};
+pub use slots::materials;
+
+/// A model, ready to be painted.
+#[derive(Clone, Debug)]
+pub struct VehicleKind {
+    /// The model's name.
+    pub name: String,
+    /// The data set's kind of vehicle, such as `Car`.
+    pub category: String,
+    /// The body style, such as `sedan`.
+    pub body_style: String,
+    /// Extent of the model before it is scaled.
+    pub extent: Extent,
+    /// Its surface with the slots that [`materials`] fills and with the model's mesh for the labels.
+    pub surface: Arc<SurfaceMesh>,
+}
+
+/// The surface of a model: what the parts leave open (grille, plates, rims, seals, inside) follows from their places.
+pub fn vehicle_kind(model: &VehicleModel) -> VehicleKind {
+    let mut work = patchwork::Patchwork::new(model.mesh());
+    regions::paint(&mut work);
+    inside::furnish(&mut work);
+    let mut surface = work.into_surface();
+    surface.openness = bake::openness(&surface);
+    surface.labels = Some(Arc::new(model.mesh().clone()));
+    VehicleKind {
+        name: model.name().to_owned(),
+        category: model.category().to_owned(),
+        body_style: model.body_style().to_owned(),
+        extent: model.extent(),
+        surface: Arc::new(surface),
+    }
+}

@@ -27,6 +27,7 @@ pub use calibration::KittiCalibration;
 pub use colors::SegmentColor;
 pub use frame::{Frame, SequenceFrames, SequenceId, VehicleLabel};
 pub use problem::{Fault, MAX_PROBLEMS, Problem};
+pub use vkitti1::CAMERA_FILE;
 
 use crate::files::FileError;
 

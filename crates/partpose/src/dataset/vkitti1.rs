@@ -8,11 +8,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::files::{self, FileError};
-use crate::geometry::Rect;
+use crate::geometry::{Camera, Rect};
 
 use super::collect::{self, Drafts, VKITTI_CAMERA};
 use super::colors::SegmentColor;
-use super::problem::Problem;
+use super::problem::{Fault, Problem};
 use super::table::{self, MAX_FRAME, Row};
 use super::vkitti::{self, CuboidColumns};
 use super::{DatasetError, Frame, SequenceFrames, SequenceId, VehicleLabel};
@@ -23,6 +23,8 @@ pub(super) const RGB: &str = "vkitti_1.3.1_rgb";
 pub(super) const DEPTH: &str = "vkitti_1.3.1_depthgt";
 pub(super) const SCENE: &str = "vkitti_1.3.1_scenegt";
 pub(super) const PARTS: &str = "parts";
+/// Name of the file that describes the camera of a data set in this layout where it is not Virtual KITTI's.
+pub const CAMERA_FILE: &str = "camera.json";
 
 const MOTGT_COLUMNS: &[&str] = &[
     "frame",
@@ -86,7 +88,7 @@ pub(super) fn label_file(root: &Path, sequence: &SequenceId) -> PathBuf {
 
 /// One frame for every row of the extrinsics, or for every frame with vehicles where there are none.
 pub(super) fn read(root: &Path, sequence: &SequenceId) -> Result<SequenceFrames, DatasetError> {
-    let archives = Archives::new(root, sequence);
+    let archives = Archives::new(root, sequence)?;
     let mut drafts = Drafts::default();
     let motgt = label_file(root, sequence);
     let extrinsics =
@@ -101,7 +103,7 @@ pub(super) fn read(root: &Path, sequence: &SequenceId) -> Result<SequenceFrames,
     }
     let text = files::read_text(&motgt)?;
     for row in table::rows(&motgt, &text, MOTGT_COLUMNS, &mut drafts.problems)? {
-        let parsed = vehicle(&row);
+        let parsed = vehicle(&row, archives.camera.size);
         if let Some((index, vehicle)) = drafts.problems.keep(parsed) {
             drafts.add(&row, index, vehicle, || archives.frame(sequence, index));
         }
@@ -117,6 +119,7 @@ pub(super) fn colors(root: &Path, id: &SequenceId) -> Result<Vec<SegmentColor>, 
 
 /// Folders of a sequence that exist; what is absent costs nothing per frame.
 struct Archives {
+    camera: Camera,
     rgb: Option<PathBuf>,
     parts: Option<PathBuf>,
     depth: Option<PathBuf>,
@@ -124,12 +127,18 @@ struct Archives {
 }
 
 impl Archives {
-    fn new(root: &Path, sequence: &SequenceId) -> Self {
+    fn new(root: &Path, sequence: &SequenceId) -> Result<Self, DatasetError> {
         let folder = |name: &str| {
             let path = root.join(name).join(&sequence.world).join(&sequence.variation);
             path.is_dir().then_some(path)
         };
-        Self { rgb: folder(RGB), parts: folder(PARTS), depth: folder(DEPTH), scene: folder(SCENE) }
+        Ok(Self {
+            camera: camera(root)?,
+            rgb: folder(RGB),
+            parts: folder(PARTS),
+            depth: folder(DEPTH),
+            scene: folder(SCENE),
+        })
     }
 
     fn frame(&self, sequence: &SequenceId, index: u32) -> Frame {
@@ -137,7 +146,7 @@ impl Archives {
             let path = folder.as_ref()?.join(format!("{index:05}.png"));
             path.is_file().then_some(path)
         };
-        let mut frame = Frame::new(sequence.clone(), index, VKITTI_CAMERA);
+        let mut frame = Frame::new(sequence.clone(), index, self.camera);
         frame.image = file(&self.rgb);
         frame.parts = file(&self.parts);
         frame.depth = file(&self.depth);
@@ -147,8 +156,26 @@ impl Archives {
     }
 }
 
+/// The camera of a data set: Virtual KITTI's, unless a file names another.
+fn camera(root: &Path) -> Result<Camera, DatasetError> {
+    let path = root.join(CAMERA_FILE);
+    if !path.is_file() {
+        return Ok(VKITTI_CAMERA);
+    }
+    let failed = |reason: String| Problem::of_file(&path, None, Fault::Unreadable { reason });
+    let camera: Camera = serde_json::from_slice(&files::read(&path)?)
+        .map_err(|error| failed(format!("no camera can be read from it: {error}")))?;
+    let sizes = camera.size.iter().all(|side| (1..=files::MAX_IMAGE_SIDE).contains(side));
+    let focal = camera.focal.iter().all(|focal| (1.0..=1e6).contains(focal));
+    let center = camera.principal_point.iter().all(|center| center.abs() <= 1e6);
+    if sizes && focal && center {
+        return Ok(camera);
+    }
+    Err(failed("its camera has an impossible size, focal length or principal point".to_owned()).into())
+}
+
 /// Frame and label of a row of `motgt`.
-fn vehicle(row: &Row) -> Result<(u32, VehicleLabel), Problem> {
+fn vehicle(row: &Row, size: [u32; 2]) -> Result<(u32, VehicleLabel), Problem> {
     const CATEGORIES: &[&str] = &["Car", "Van", "Truck"];
     const LABELS: &[&str] = &["Car", "Van", "Truck", "DontCare"];
     let index = row.integer(0, MAX_FRAME)?;
@@ -158,7 +185,7 @@ fn vehicle(row: &Row) -> Result<(u32, VehicleLabel), Problem> {
     row.integer(22, 1)?;
     let (left, right) = row.ordered(6, 8)?;
     let (top, bottom) = row.ordered(7, 9)?;
-    collect::inside_image(row, [left, top, right, bottom], VKITTI_CAMERA.size)?;
+    collect::inside_image(row, [left, top, right, bottom], size)?;
     let cuboid = vkitti::cuboid(row, &CUBOID)?;
     collect::in_front(row, &cuboid)?;
     let vehicle = VehicleLabel {

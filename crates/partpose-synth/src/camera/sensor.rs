@@ -1,0 +1,143 @@
+//! Exposure, noise, tone curve and file.
+
+use std::io::Cursor;
+
+use image::codecs::jpeg::JpegEncoder;
+use image::{ImageFormat, RgbImage};
+use rayon::prelude::*;
+
+use crate::shading::noise::mix;
+
+use super::{CameraEffects, Frame};
+
+/// Linear value that the picture's middle is brought to.
+const KEY: f32 = 0.17;
+/// Steps of the tone curve's table, over the square root of the value up to [`TABLE_END`].
+const TABLE: usize = 4096;
+const TABLE_END: f32 = 4.0;
+
+/// Factors per channel from exposure and white balance.
+pub(super) fn meter(frame: &Frame, effects: &CameraEffects) -> [f32; 3] {
+    let [width, height] = frame.size;
+    let mut logs = [0.0_f64; 3];
+    let mut count = 0.0_f64;
+    // Every fourth pixel of every fourth row; the upper third is sky more often than not and counts less.
+    for y in (0..height).step_by(4) {
+        let weight = if y < height / 3 { 0.35 } else { 1.0 };
+        for x in (0..width).step_by(4) {
+            let pixel = frame.pixels[y * width + x];
+            for (sum, value) in logs.iter_mut().zip(pixel) {
+                *sum += weight * f64::from(value.max(1e-3).min(4.0)).ln();
+            }
+            count += weight;
+        }
+    }
+    if count == 0.0 {
+        return [1.0; 3];
+    }
+    let means = logs.map(|sum| (sum / count).exp() as f32);
+    let level = 0.30 * means[0] + 0.59 * means[1] + 0.11 * means[2];
+    let gain = KEY / level.max(1e-4) * effects.exposure.exp2();
+    let shift = [1.0 + effects.warmth + effects.tint, 1.0 - effects.tint, 1.0 - effects.warmth];
+    let mut gains = [0.0; 3];
+    for i in 0..3 {
+        // Half of what the mean differs from grey is the light's colour, half the world's.
+        let neutral = (level / means[i].max(1e-4)).powf(0.5 * effects.white_balance);
+        gains[i] = gain * neutral * shift[i].max(0.1);
+    }
+    gains
+}
+
+/// Noise, curve and rounding.
+pub(super) fn develop(frame: &mut Frame, effects: &CameraEffects, seed: u64) -> RgbImage {
+    let [width, height] = frame.size;
+    let table = curve(effects);
+    let noise = effects.noise;
+    // Photon noise grows with the root of the light, what the electronics add does not; both equal at KEY.
+    let [shot, read] = [noise * noise * 0.7 / KEY, noise * noise * 0.3 * 0.3];
+    let seed = mix(seed as u32 ^ mix((seed >> 32) as u32));
+    let mut bytes = vec![0_u8; width * height * 3];
+    let rows =
+        bytes.par_chunks_mut((3 * width).max(1)).zip(frame.pixels.par_chunks_mut(width.max(1)));
+    rows.enumerate().for_each(|(y, (bytes, pixels))| {
+        let mut state = mix(seed ^ (y as u32).wrapping_mul(0x9e37_79b1));
+        if noise > 0.0 {
+            for pixel in pixels.iter_mut() {
+                for value in pixel {
+                    let variance = shot * value.max(0.0) + read;
+                    *value += variance.sqrt() * normal(&mut state);
+                }
+            }
+        }
+        for (bytes, pixel) in bytes.chunks_exact_mut(3).zip(pixels.iter()) {
+            let developed = pixel.map(|value| {
+                let at = (value.clamp(0.0, TABLE_END) * (1.0 / TABLE_END)).sqrt();
+                table[(at * (TABLE as f32 - 1.0)) as usize]
+            });
+            let grey = 0.30 * developed[0] + 0.59 * developed[1] + 0.11 * developed[2];
+            for (byte, value) in bytes.iter_mut().zip(developed) {
+                let value = grey + effects.saturation * (value - grey);
+                *byte = (255.0 * value + 0.5).clamp(0.0, 255.0) as u8;
+            }
+        }
+    });
+    if effects.sharpening > 0.0 {
+        bytes = sharpened(&bytes, frame.size, effects.sharpening);
+    }
+    RgbImage::from_raw(width as u32, height as u32, bytes).unwrap_or_default()
+}
+
+/// Nearly normal with mean 0 and variance 1: the sum of the four bytes of a number.
+fn normal(state: &mut u32) -> f32 {
+    *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+    let bits = mix(*state);
+    let sum: u32 = bits.to_le_bytes().iter().map(|byte| u32::from(*byte)).sum();
+    // Four even numbers of variance (256² - 1) / 12.
+    (sum as f32 - 510.0) * (1.0 / 147.8)
+}
+
+fn curve(effects: &CameraEffects) -> Vec<f32> {
+    let step = |i: usize| {
+        let root = (i as f32 + 0.5) / (TABLE as f32 - 1.0);
+        let value = root * root * TABLE_END;
+        let film = 1.0 - (-value * 1.15).exp();
+        let linear = value.min(1.0);
+        let value = linear + effects.shoulder * (film - linear);
+        let coded = if value <= 0.003_130_8 {
+            12.92 * value
+        } else {
+            1.055 * value.powf(1.0 / 2.4) - 0.055
+        };
+        let s = coded * coded * (3.0 - 2.0 * coded);
+        coded + effects.contrast * (s - coded)
+    };
+    (0..TABLE).map(step).collect()
+}
+
+/// Adds a share of the difference from the mean of the neighbours.
+fn sharpened(bytes: &[u8], [width, height]: [usize; 2], share: f32) -> Vec<u8> {
+    let mut out = bytes.to_vec();
+    let stride = 3 * width;
+    out.par_chunks_mut(stride.max(1)).enumerate().for_each(|(y, row)| {
+        if y == 0 || y + 1 >= height {
+            return;
+        }
+        for i in 3..stride.saturating_sub(3) {
+            let at = y * stride + i;
+            let around = [at - 3, at + 3, at - stride, at + stride];
+            let mean = around.iter().map(|j| f32::from(bytes[*j])).sum::<f32>() * 0.25;
+            let value = f32::from(bytes[at]);
+            row[i] = (value + share * (value - mean) + 0.5).clamp(0.0, 255.0) as u8;
+        }
+    });
+    out
+}
+
+/// What is left of a picture that was stored as JPEG.
+pub(super) fn through_jpeg(image: &RgbImage, quality: u8) -> Option<RgbImage> {
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(image).ok()?;
+    let mut reader = image::ImageReader::new(Cursor::new(bytes));
+    reader.set_format(ImageFormat::Jpeg);
+    Some(reader.decode().ok()?.into_rgb8())
+}

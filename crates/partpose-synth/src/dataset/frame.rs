@@ -1,0 +1,125 @@
+//! One frame: drawn, turned into files.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use partpose::dataset::SequenceId;
+use partpose::files::{self, RgbImage};
+use partpose::geometry::Camera;
+use partpose::parts::PartClass;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::rows::{self, FrameRows};
+use super::sequences::PlannedWorld;
+use super::{SynthError, SynthOptions, fragments};
+use crate::camera::{CameraEffects, photograph};
+use crate::shading::{self, Rendered};
+use crate::world::{CameraOptions, Moment, Variation, World, hash};
+
+/// Depth that stands for the sky, centimetres.
+const FAR: u16 = u16::MAX;
+
+/// Draws a frame and writes its images and then its rows.
+pub(super) fn write(
+    out: &Path,
+    id: &SequenceId,
+    world: &World,
+    index: u32,
+    variation: Variation,
+    options: &SynthOptions,
+) -> Result<(), SynthError> {
+    let moment = world.moment(index, options.interval, variation);
+    let rendered = shading::render(&moment.scene, &options.render);
+    let file = |archive: &str| {
+        out.join(archive).join(&id.world).join(&id.variation).join(format!("{index:05}.png"))
+    };
+    files::write_png(&file("vkitti_1.3.1_rgb"), &photographed(&moment, &rendered, id, index, options))?;
+    files::write_png(&file("vkitti_1.3.1_scenegt"), &segments(&rendered, &moment))?;
+    files::write_png(&file("parts"), &parts(&rendered))?;
+    files::write(&file("vkitti_1.3.1_depthgt"), &depth_png(&rendered))?;
+    fragments::keep(out, id, index, &frame_rows(index, &rendered, &moment))?;
+    Ok(())
+}
+
+/// The camera, where it is another than every reader takes for granted.
+pub(super) fn other_camera(options: &SynthOptions, planned: &[PlannedWorld]) -> Option<Camera> {
+    let camera = options.camera.camera;
+    let follows = planned.iter().any(PlannedWorld::follows_a_layout);
+    (camera != CameraOptions::default().camera && !follows).then_some(camera)
+}
+
+/// The rows of a frame: its camera, and the vehicles of which anything is seen.
+pub(super) fn frame_rows(index: u32, rendered: &Rendered, moment: &Moment) -> FrameRows {
+    let mut pixels = vec![0_usize; moment.vehicles.len() + 1];
+    for instance in &rendered.instances {
+        if let Some(count) = pixels.get_mut(usize::from(*instance)) {
+            *count += 1;
+        }
+    }
+    let scene = &moment.scene;
+    let seen = moment.vehicles.iter().zip(&pixels[1..]).filter(|(_, pixels)| **pixels > 0);
+    let row = |(vehicle, pixels): (_, &usize)| {
+        rows::vehicle(index, vehicle, &scene.world_from_camera, &scene.camera, *pixels)
+    };
+    FrameRows {
+        extrinsics: rows::extrinsics(index, &scene.world_from_camera),
+        vehicles: seen.filter_map(row).collect(),
+    }
+}
+
+/// The picture as the camera of the sequence takes it.
+fn photographed(
+    moment: &Moment,
+    rendered: &Rendered,
+    id: &SequenceId,
+    index: u32,
+    options: &SynthOptions,
+) -> RgbImage {
+    let words: Vec<i64> = id.to_string().bytes().map(i64::from).collect();
+    let seed = hash(options.seed, &words);
+    let effects = if options.effects {
+        CameraEffects::random(&mut ChaCha8Rng::seed_from_u64(seed), moment.scene.air.rain)
+    } else {
+        CameraEffects::default()
+    };
+    let seed = hash(seed, &[i64::from(index)]);
+    let image = photograph(&moment.scene, rendered, &effects, seed);
+    RgbImage { size: [image.width(), image.height()], pixels: image.into_raw() }
+}
+
+fn segments(rendered: &Rendered, moment: &Moment) -> RgbImage {
+    let colors: Vec<[u8; 3]> =
+        moment.vehicles.iter().map(|vehicle| rows::track_color(vehicle.track)).collect();
+    let color = |(class, instance): (&u8, &u16)| match usize::from(*instance) {
+        0 => rows::class_color(*class),
+        instance => colors.get(instance - 1).copied().unwrap_or_else(|| rows::class_color(*class)),
+    };
+    let pixels = rendered.classes.iter().zip(&rendered.instances).flat_map(color).collect();
+    RgbImage { size: rendered.size, pixels }
+}
+
+fn parts(rendered: &Rendered) -> RgbImage {
+    let mut colors = [[0_u8; 3]; 256];
+    for class in PartClass::ALL {
+        colors[usize::from(class.id())] = class.color();
+    }
+    let pixels = rendered.parts.iter().flat_map(|part| colors[usize::from(*part)]).collect();
+    RgbImage { size: rendered.size, pixels }
+}
+
+fn depth_png(rendered: &Rendered) -> Vec<u8> {
+    let [width, height] = rendered.size;
+    let centimetres = |depth: &f32| {
+        let value = (f64::from(*depth) * 100.0).round();
+        if value < f64::from(FAR) { value.max(0.0) as u16 } else { FAR }
+    };
+    let pixels: Vec<u16> = rendered.depths.iter().map(centimetres).collect();
+    let image: image::ImageBuffer<image::Luma<u16>, Vec<u16>> =
+        image::ImageBuffer::from_raw(width, height, pixels).unwrap_or_default();
+    let mut bytes = Cursor::new(Vec::new());
+    // Writing to memory cannot fail for an image whose pixels fill its size.
+    let written = image.write_to(&mut bytes, image::ImageFormat::Png);
+    debug_assert!(written.is_ok());
+    bytes.into_inner()
+}

@@ -1,0 +1,91 @@
+//! Which worlds a data set has.
+
+use std::sync::Arc;
+
+use partpose::dataset::Dataset;
+
+use super::{SynthError, SynthOptions};
+use crate::world::{Fleet, Layout, SceneKind, Variation, World, WorldOptions};
+
+/// A world and the frames and variations in which it is drawn.
+pub(super) struct PlannedWorld {
+    /// Its folder.
+    pub(super) name: String,
+    pub(super) frames: Vec<u32>,
+    pub(super) variations: Vec<Variation>,
+    source: Source,
+}
+
+enum Source {
+    Random { kind: SceneKind, index: u32 },
+    Layout(Arc<Layout>),
+}
+
+/// All worlds: random ones by kind and number, or those of the data set whose layout is followed.
+pub(super) fn plan(options: &SynthOptions) -> Result<Vec<PlannedWorld>, SynthError> {
+    if let Some(path) = &options.layout {
+        return from_layout(path, options);
+    }
+    let mut kinds = options.scenes.clone();
+    kinds.sort();
+    kinds.dedup();
+    let world = |kind: SceneKind, index: u32| PlannedWorld {
+        name: format!("{:04}", kind.digit() * 1000 + index + 1),
+        frames: (0..options.frames).collect(),
+        variations: sorted(&options.variations),
+        source: Source::Random { kind, index },
+    };
+    Ok(kinds.iter().flat_map(|kind| (0..options.worlds).map(|index| world(*kind, index))).collect())
+}
+
+/// The clone of every world of a data set, as many frames as asked for, in the variations asked for.
+fn from_layout(path: &std::path::Path, options: &SynthOptions) -> Result<Vec<PlannedWorld>, SynthError> {
+    let dataset = Dataset::open(path)?;
+    let mut planned = Vec::new();
+    for id in dataset.sequences().iter().filter(|id| id.variation == "clone") {
+        let layout = Layout::read(&dataset, id)?;
+        let mut frames = layout.frame_indices();
+        frames.truncate(options.frames as usize);
+        planned.push(PlannedWorld {
+            name: id.world.clone(),
+            frames,
+            variations: sorted(&options.variations),
+            source: Source::Layout(Arc::new(layout)),
+        });
+    }
+    if planned.is_empty() {
+        return Err(SynthError::Options("the data set for the layout has no sequence of the variation `clone`"));
+    }
+    Ok(planned)
+}
+
+fn sorted(variations: &[Variation]) -> Vec<Variation> {
+    let mut variations = variations.to_vec();
+    variations.sort();
+    variations.dedup();
+    variations
+}
+
+impl PlannedWorld {
+    /// Makes the world.
+    pub(super) fn world(&self, options: &SynthOptions, fleet: &Arc<Fleet>) -> World {
+        match &self.source {
+            Source::Random { kind, index } => World::new(
+                &WorldOptions {
+                    kind: *kind,
+                    index: *index,
+                    seed: options.seed,
+                    duration: f64::from(options.frames) * options.interval,
+                    camera: options.camera,
+                },
+                Arc::clone(fleet),
+            ),
+            Source::Layout(layout) => World::from_layout(Arc::clone(layout), options.seed, Arc::clone(fleet)),
+        }
+    }
+
+    /// Whether the camera is that of the layout, whatever the options say.
+    pub(super) fn follows_a_layout(&self) -> bool {
+        matches!(self.source, Source::Layout(_))
+    }
+}

@@ -1,0 +1,215 @@
+//! Patterns, computed where they are seen.
+//!
+//! What is finer than a pixel fades into its mean, which keeps far surfaces calm without stored levels.
+
+use nalgebra::Vector3;
+
+use crate::scene::{Material, Texture};
+
+use super::noise::{cell, cell_share, fractal, smooth};
+
+type V = Vector3<f32>;
+
+/// A surface at one place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Local {
+    pub(super) color: V,
+    pub(super) roughness: f32,
+    pub(super) metallic: f32,
+    pub(super) clear_coat: f32,
+    pub(super) emission: V,
+}
+
+/// Whether a leaf is at a place.
+pub(super) fn is_leaf(u: f32, v: f32, cover: f32, size: f32) -> bool {
+    let scale = 1.0 / size.max(1e-3);
+    let [u, v] = [u * scale, v * scale];
+    // Leaves, and the gaps between twigs.
+    let value = 0.62 * smooth(u, v, 17) + 0.38 * smooth(0.21 * u, 0.21 * v, 18);
+    value < 0.5 + 0.52 * (cover - 0.5)
+}
+
+/// The material at texture coordinates, which `footprint` metres share a pixel.
+pub(super) fn local(material: &Material, [u, v]: [f32; 2], footprint: f32) -> Local {
+    let mut local = Local {
+        color: V::from(material.color),
+        roughness: material.roughness,
+        metallic: material.metallic,
+        clear_coat: material.clear_coat,
+        emission: V::from(material.emission),
+    };
+    match material.texture {
+        Texture::Plain => {}
+        Texture::Noise { other, size } => {
+            let scale = 1.0 / size.max(1e-3);
+            let share = fractal(u * scale, v * scale, 5, footprint * scale, 3);
+            let share = (0.5 + 1.9 * (share - 0.5)).clamp(0.0, 1.0);
+            local.color = local.color.lerp(&V::from(other), share);
+        }
+        Texture::Asphalt => asphalt(&mut local, u, v, footprint),
+        Texture::Slabs { size, joint } => slabs(&mut local, [u, v], size, joint, footprint),
+        Texture::Facade { field, window, seed } => {
+            facade(&mut local, [u, v], field, window, seed, footprint);
+        }
+        Texture::Leaves { size, .. } => {
+            let scale = 1.0 / size.max(1e-3);
+            let shade =
+                0.55 + 0.9 * fractal(0.7 * u * scale, 0.7 * v * scale, 3, footprint * scale, 5);
+            local.color *= shade;
+        }
+        Texture::Grass => {
+            let fine = fractal(u * 14.0, v * 14.0, 3, footprint * 14.0, 7);
+            let coarse = fractal(0.4 * u, 0.4 * v, 4, 0.4 * footprint, 8);
+            let dry = ((coarse - 0.45) * 3.0).clamp(0.0, 1.0);
+            let yellow = V::new(local.color.y * 1.25, local.color.y * 1.05, local.color.z);
+            local.color = local.color.lerp(&yellow, 0.6 * dry) * (0.45 + 1.1 * fine);
+        }
+        Texture::Grille { pitch } => {
+            let seen = sharpness(footprint, 0.3 * pitch);
+            let at = (v / pitch).rem_euclid(1.0);
+            let slat = if at < 0.42 { 1.0 } else { 0.12 };
+            local.color *= 0.49 + seen * (slat - 0.49);
+        }
+        Texture::Rim { spokes, cover } => rim(&mut local, [u, v], spokes, cover),
+        Texture::Plate { seed } => plate(&mut local, [u, v], seed, footprint),
+        Texture::Lamp { cell } => {
+            let seen = sharpness(footprint, 0.5 * cell);
+            let wave = |x: f32| (x / cell).rem_euclid(1.0);
+            let rib = 0.65 + 0.7 * wave(u) * wave(v + 0.3 * cell);
+            local.color *= 1.0 + seen * (rib - 0.85);
+        }
+    }
+    local
+}
+
+/// 1 where a pattern of some size can be made out, 0 where it is finer than a pixel.
+fn sharpness(footprint: f32, size: f32) -> f32 {
+    (1.6 - footprint / size.max(1e-5)).clamp(0.0, 1.0)
+}
+
+fn asphalt(local: &mut Local, u: f32, v: f32, footprint: f32) {
+    let grain = fractal(u * 70.0, v * 70.0, 2, footprint * 70.0, 11) - 0.5;
+    let stones = fractal(u * 22.0, v * 22.0, 2, footprint * 22.0, 12) - 0.5;
+    let patches = fractal(u * 0.35, v * 1.1, 4, footprint, 13) - 0.5;
+    let broad = smooth(u * 0.06, v * 0.21, 14) - 0.5;
+    // Wheels polish two tracks of every lane of 3.5 m.
+    let tracks = (std::f32::consts::TAU * v / 1.75).cos();
+    let shade = 1.0 + 0.55 * grain + 0.35 * stones + 0.32 * patches + 0.22 * broad - 0.035 * tracks;
+    local.color *= shade.max(0.3);
+    local.roughness = (local.roughness - 0.12 * patches - 0.05 * tracks).clamp(0.2, 1.0);
+    // Cracks run where a slow noise passes its mean, and only in some regions.
+    if footprint < 0.08 {
+        let slow = fractal(u * 0.45 + 40.0, v * 0.45, 4, footprint, 15) - 0.5;
+        let region = smooth(u * 0.08 + 9.0, v * 0.08, 16);
+        let width = 0.006 + footprint * 0.4;
+        let line =
+            (1.0 - slow.abs() / width).clamp(0.0, 1.0) * ((region - 0.55) * 6.0).clamp(0.0, 1.0);
+        local.color *= 1.0 - 0.55 * line * (0.012 / width).min(1.0);
+    }
+}
+
+fn slabs(local: &mut Local, [u, v]: [f32; 2], size: [f32; 2], joint: f32, footprint: f32) {
+    let row = (v / size[1]).floor();
+    // Every second row is shifted.
+    let u = u + 0.5 * size[0] * row.rem_euclid(2.0);
+    let column = (u / size[0]).floor();
+    let own = cell_share(column as i32, row as i32, 21) - 0.5;
+    let seen = sharpness(footprint, size[0].min(size[1]));
+    let speckle = fractal(u * 40.0, v * 40.0, 2, footprint * 40.0, 22) - 0.5;
+    let stain = fractal(u * 0.8, v * 0.8, 3, footprint * 0.8, 23) - 0.5;
+    local.color *= (1.0 + 0.30 * own * seen + 0.25 * speckle + 0.3 * stain).max(0.2);
+    let distance = |x: f32, size: f32| {
+        let at = x.rem_euclid(size);
+        at.min(size - at)
+    };
+    let to_joint = distance(u, size[0]).min(distance(v, size[1]));
+    let cover = ((0.5 * joint - to_joint) / footprint.max(1e-4) + 0.5).clamp(0.0, 1.0);
+    local.color *= 1.0 - 0.55 * cover * (joint / footprint.max(1e-4)).min(1.0);
+}
+
+fn facade(
+    local: &mut Local,
+    [u, v]: [f32; 2],
+    field: [f32; 2],
+    window: [f32; 2],
+    seed: u32,
+    footprint: f32,
+) {
+    let [column, row] = [(u / field[0]).floor(), (v / field[1]).floor()];
+    let [x, y] = [u - (column + 0.5) * field[0], v - (row + 0.5) * field[1]];
+    let inside = |half_x: f32, half_y: f32| {
+        let soft = footprint.max(1e-3);
+        let edge = |d: f32| (d / soft + 0.5).clamp(0.0, 1.0);
+        edge(half_x - x.abs()) * edge(half_y - y.abs())
+    };
+    let plaster = fractal(u * 0.7, v * 0.7, 5, footprint * 0.7, seed ^ 31) - 0.5;
+    // Rain leaves streaks below the sills.
+    let streaks = smooth(u * 3.0, v * 0.35, seed ^ 32) - 0.5;
+    local.color *= 1.0 + 0.22 * plaster + 0.08 * streaks;
+    let [half_x, half_y] = [0.5 * window[0], 0.5 * window[1]];
+    let frame = inside(half_x, half_y);
+    if frame <= 0.0 {
+        return;
+    }
+    let pick = cell(column as i32, row as i32, seed);
+    let white = V::repeat(if seed.is_multiple_of(3) { 0.12 } else { 0.62 });
+    local.color = local.color.lerp(&white, frame);
+    let border = 0.055;
+    let bar = ((x.abs() - 0.02) / footprint.max(1e-3) + 0.5).clamp(0.0, 1.0);
+    let pane = inside(half_x - border, half_y - border) * if window[0] > 0.8 { bar } else { 1.0 };
+    let curtain = match pick % 5 {
+        0 => V::new(0.5, 0.48, 0.42),
+        1 => V::repeat(0.28),
+        _ => V::repeat(0.015),
+    };
+    // Blinds are let down by different lengths.
+    let blind = (pick >> 8) % 100;
+    let is_covered = blind < 30 && y > half_y * (1.0 - 0.05 * blind as f32);
+    let pane_color = if is_covered { V::repeat(0.4) } else { curtain };
+    local.color = local.color.lerp(&pane_color, pane);
+    local.clear_coat = pane * if is_covered { 0.1 } else { 1.0 };
+    local.roughness = 0.5;
+}
+
+/// Coordinates are shares of the wheel's radius.
+fn rim(local: &mut Local, [u, v]: [f32; 2], spokes: u8, cover: f32) {
+    let radius = u.hypot(v);
+    let turn = v.atan2(u) / std::f32::consts::TAU * f32::from(spokes.max(1));
+    let at = (turn.rem_euclid(1.0) - 0.5).abs() * 2.0;
+    let is_hub = radius < 0.13;
+    let is_ring = radius > 0.60;
+    // Spokes are as wide at the ring as at the hub, or nearly.
+    let width = cover * (0.25 / radius.max(0.1)).clamp(0.45, 1.5);
+    if !is_hub && !is_ring && at > width {
+        // The brake's disc far behind.
+        let is_disc = radius < 0.45;
+        local.color = V::repeat(if is_disc { 0.05 } else { 0.012 });
+        local.metallic = 0.0;
+        local.clear_coat = 0.0;
+        local.roughness = 0.6;
+    } else if radius < 0.09 {
+        local.color *= 0.3;
+    }
+}
+
+fn plate(local: &mut Local, [u, v]: [f32; 2], seed: u32, footprint: f32) {
+    let blue = u < -0.222;
+    if blue {
+        local.color = V::new(0.01, 0.05, 0.35);
+        return;
+    }
+    // Characters: eight fields of a grid of strokes, some of which are black.
+    let column = ((u + 0.205) / 0.051).floor();
+    let in_row = v.abs() < 0.038;
+    let x = (u + 0.205) - column * 0.051;
+    if !in_row || !(0.0..8.0).contains(&column) || x > 0.040 {
+        return;
+    }
+    let seen = sharpness(footprint, 0.02);
+    let dot =
+        |x: f32, y: f32| cell((x / 0.0135) as i32 + 3 * column as i32, (y / 0.016) as i32, seed);
+    let is_gap = column as i32 == 2 + (seed % 2) as i32;
+    let is_ink = !is_gap && dot(x, v + 0.04) % 100 < 62;
+    let ink = if is_gap { 0.0 } else { 0.55 + seen * (f32::from(u8::from(is_ink)) - 0.55) };
+    local.color *= 1.0 - 0.95 * ink;
+}
