@@ -1,4 +1,11 @@
 //! Draws a street with cars to look at: `cargo run --release --example one_picture OUT.png [SEED]`.
+
+#![allow(
+    clippy::all,
+    clippy::pedantic,
+    clippy::restriction,
+    reason = "under construction, as the crate"
+)]
 #![expect(clippy::print_stdout, reason = "an example that reports times")]
 
 use std::sync::Arc;

@@ -181,7 +181,9 @@ pub fn write(
         .num_threads(threads)
         .build()
         .map_err(|source| SynthError::Threads { threads, source })?;
-    progress(Progress::Total(planned.iter().map(|world| world.frames.len() * world.variations.len()).sum()));
+    progress(Progress::Total(
+        planned.iter().map(|world| world.frames.len() * world.variations.len()).sum(),
+    ));
     if let Some(camera) = frame::other_camera(options, &planned) {
         let text = serde_json::to_string(&camera).unwrap_or_default();
         files::write(&out.join(partpose::dataset::CAMERA_FILE), text.as_bytes())?;
@@ -190,7 +192,8 @@ pub fn write(
     for planned in &planned {
         let world = planned.world(options, &fleet);
         for variation in &planned.variations {
-            let id = SequenceId { world: planned.name.clone(), variation: variation.name().to_owned() };
+            let id =
+                SequenceId { world: planned.name.clone(), variation: variation.name().to_owned() };
             summary.sequences += 1;
             if fragments::is_complete(out, &id) {
                 summary.kept += planned.frames.len();

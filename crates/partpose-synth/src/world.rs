@@ -157,7 +157,12 @@ impl World {
         let seed = random::hash(seed, &[0x1a707]);
         Self {
             seed,
-            plan: Plan { paths: vec![layout.path()], lanes: Vec::new(), own_lane: None, stand: 0.0 },
+            plan: Plan {
+                paths: vec![layout.path()],
+                lanes: Vec::new(),
+                own_lane: None,
+                stand: 0.0,
+            },
             sun: plan::sun(kind, seed),
             camera: CameraOptions { camera: layout.camera(), ..CameraOptions::default() },
             scenery: Scenery::around(kind, seed, &layout),
@@ -237,7 +242,8 @@ impl World {
             Some(own) => {
                 let lane = &self.plan.lanes[own].1;
                 let s = lane.along(self.seed, 0, time);
-                let pull = lane.along(self.seed, 0, time + 0.4) - 2.0 * s + lane.along(self.seed, 0, time - 0.4);
+                let pull = lane.along(self.seed, 0, time + 0.4) - 2.0 * s
+                    + lane.along(self.seed, 0, time - 0.4);
                 let drift = 0.12 * (0.31 * time + 1.0).sin();
                 let bumps = 0.0025 * (4.1 * time).sin() + 0.0015 * (9.7 * time + 2.0).sin();
                 let nod = bumps - 0.02 * pull / 0.16 * 0.1;
@@ -310,5 +316,10 @@ fn near(candidate: &Candidate, world_from_camera: &Pose) -> bool {
 
 fn lamps(place: &traffic::Place, dim: bool) -> Lamps {
     let driving = place.moving || place.braking;
-    Lamps { head: dim && driving, daytime: driving && !dim, brake: place.braking, ..Lamps::default() }
+    Lamps {
+        head: dim && driving,
+        daytime: driving && !dim,
+        brake: place.braking,
+        ..Lamps::default()
+    }
 }

@@ -1,5 +1,12 @@
 //! Pictures are the same on any number of threads, labels are those of the label renderer, light adds up.
 
+#![allow(
+    clippy::all,
+    clippy::pedantic,
+    clippy::restriction,
+    reason = "under construction, as the crate"
+)]
+
 use std::sync::Arc;
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};

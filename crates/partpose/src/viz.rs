@@ -5,8 +5,8 @@
 mod birds_eye;
 mod canvas;
 mod confidence;
-mod contact_sheet;
 mod confusion;
+mod contact_sheet;
 mod contours;
 mod font;
 mod labels;
@@ -18,8 +18,8 @@ mod turntable;
 
 pub use birds_eye::{BirdsEyeOptions, birds_eye};
 pub use confidence::confidence_turntable;
-pub use contact_sheet::{ContactSheetOptions, contact_sheet};
 pub use confusion::{ConfusionClass, confusion_picture};
+pub use contact_sheet::{ContactSheetOptions, contact_sheet};
 pub use overlay::{overlay, side_by_side};
 pub use plot::{Axis, Mark, Plot, Series, panels, plot};
 pub use scene::{PointPair, ScenePicture, VehiclePicture};

@@ -15,6 +15,7 @@ use crate::camera::load_camera;
 use crate::progress;
 use crate::report::{self, Outcome, hint, note};
 
+#[expect(clippy::struct_excessive_bools, reason = "flags")]
 #[derive(clap::Args)]
 #[command(group = clap::ArgGroup::new("what").required(true).args(["out", "statistics"]))]
 pub(crate) struct Arguments {
@@ -107,7 +108,8 @@ fn make(arguments: &Arguments, out: &std::path::Path) -> anyhow::Result<Outcome>
             note(format_args!("drew `{}`", file.display()));
         }
     }
-    let kept = if summary.kept > 0 { format!(", {} were there", summary.kept) } else { String::new() };
+    let kept =
+        if summary.kept > 0 { format!(", {} were there", summary.kept) } else { String::new() };
     note(format_args!(
         "drew {} frames of {} sequences into `{}`{kept}",
         summary.drawn,
@@ -154,9 +156,13 @@ fn options(arguments: &Arguments) -> anyhow::Result<SynthOptions> {
 /// Says what can be done about an error.
 fn advised(error: SynthError) -> anyhow::Error {
     match &error {
-        SynthError::Exists { .. } => hint(error, "add `--resume` to go on with it, or choose an empty folder"),
+        SynthError::Exists { .. } => {
+            hint(error, "add `--resume` to go on with it, or choose an empty folder")
+        }
         SynthError::Foreign { .. } => hint(error, "choose a new or empty folder"),
-        SynthError::OtherOptions { .. } => hint(error, "repeat the options it was begun with, or choose an empty folder"),
+        SynthError::OtherOptions { .. } => {
+            hint(error, "repeat the options it was begun with, or choose an empty folder")
+        }
         SynthError::ModelName { .. } => hint(error, "rename the model"),
         _ => error.into(),
     }

@@ -30,7 +30,9 @@ fn metrics(folder: &Path) -> serde_json::Value {
 /// Must end with 2, say all of these, and write nothing.
 fn refuses(folder: &Path, said: &str, words: &[&str]) {
     assert!(said.ends_with("--- exit 2\n") && said.contains("error:"), "{said}");
-    words.iter().for_each(|word| assert!(said.contains(word), "{word} in {said}"));
+    for word in words {
+        assert!(said.contains(word), "{word} in {said}");
+    }
     assert!(!folder.join("out").exists(), "something was written: {said}");
 }
 

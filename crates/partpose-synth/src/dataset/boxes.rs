@@ -29,7 +29,8 @@ pub(super) fn clipped_box(cuboid: &Cuboid, camera: &Camera) -> Option<[i64; 4]> 
         }
     }
     let first = pixels.first()?;
-    let (low, high) = pixels.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
+    let (low, high) =
+        pixels.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
     let last = camera.size.map(|side| f64::from(side) - 1.0);
     let [l, t] = [low.x.round(), low.y.round()];
     let [r, b] = [high.x.round(), high.y.round()];
@@ -44,7 +45,10 @@ pub(super) fn truncation(cuboid: &Cuboid, camera: &Camera) -> f64 {
     let area = camera.image_rect();
     let inside = |point: &Point3| {
         camera.project(point).is_some_and(|pixel| {
-            pixel.x >= area.x_min && pixel.x <= area.x_max && pixel.y >= area.y_min && pixel.y <= area.y_max
+            pixel.x >= area.x_min
+                && pixel.x <= area.x_max
+                && pixel.y >= area.y_min
+                && pixel.y <= area.y_max
         })
     };
     if cuboid.corners().iter().all(inside) {
@@ -70,7 +74,10 @@ mod tests {
     const CAMERA: Camera = Camera::pinhole(725.0, [620.5, 187.0], [1242, 375]);
 
     fn cuboid(x: f64, z: f64) -> Cuboid {
-        Cuboid { camera_from_vehicle: Pose::translation(x, 1.6, z), extent: Extent::new(1.8, 1.5, 4.2) }
+        Cuboid {
+            camera_from_vehicle: Pose::translation(x, 1.6, z),
+            extent: Extent::new(1.8, 1.5, 4.2),
+        }
     }
 
     #[test]
@@ -83,7 +90,8 @@ mod tests {
 
     #[test]
     fn truncation_grows_as_a_cuboid_leaves_the_image() {
-        let shares: Vec<f64> = (0..14).map(|i| truncation(&cuboid(2.0 + 0.4 * f64::from(i), 6.0), &CAMERA)).collect();
+        let shares: Vec<f64> =
+            (0..14).map(|i| truncation(&cuboid(2.0 + 0.4 * f64::from(i), 6.0), &CAMERA)).collect();
         assert!(shares.windows(2).all(|pair| pair[0] <= pair[1]));
         assert!(shares[0] == 0.0 && shares[13] > 0.9, "{shares:?}");
     }

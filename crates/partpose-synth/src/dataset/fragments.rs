@@ -23,7 +23,12 @@ pub(super) fn exists(out: &Path, id: &SequenceId, index: u32) -> bool {
 }
 
 /// Keeps the rows of a frame whose images have been written.
-pub(super) fn keep(out: &Path, id: &SequenceId, index: u32, rows: &FrameRows) -> Result<(), FileError> {
+pub(super) fn keep(
+    out: &Path,
+    id: &SequenceId,
+    index: u32,
+    rows: &FrameRows,
+) -> Result<(), FileError> {
     let mut text = String::new();
     let _ = writeln!(text, "{}", rows.extrinsics);
     for vehicle in &rows.vehicles {
@@ -51,7 +56,9 @@ pub(super) fn assemble(out: &Path, id: &SequenceId, frames: &[u32]) -> Result<()
         }
     }
     files::write(&table(out, "extrinsicsgt", id), extrinsics.as_bytes())?;
-    let encoding = out.join("vkitti_1.3.1_scenegt").join(format!("{}_{}_scenegt_rgb_encoding.txt", id.world, id.variation));
+    let encoding = out
+        .join("vkitti_1.3.1_scenegt")
+        .join(format!("{}_{}_scenegt_rgb_encoding.txt", id.world, id.variation));
     files::write(&encoding, rows::encoding(&tracks).as_bytes())?;
     files::write(&table(out, "motgt", id), motgt.as_bytes())?;
     remove(&folder(out, id))
@@ -64,7 +71,9 @@ pub(super) fn clean(out: &Path) -> Result<(), FileError> {
 
 fn remove(path: &Path) -> Result<(), FileError> {
     match fs::remove_dir_all(path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(FileError::write(path, error)),
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(FileError::write(path, error))
+        }
         _ => Ok(()),
     }
 }

@@ -34,7 +34,10 @@ pub(super) fn write(
     let file = |archive: &str| {
         out.join(archive).join(&id.world).join(&id.variation).join(format!("{index:05}.png"))
     };
-    files::write_png(&file("vkitti_1.3.1_rgb"), &photographed(&moment, &rendered, id, index, options))?;
+    files::write_png(
+        &file("vkitti_1.3.1_rgb"),
+        &photographed(&moment, &rendered, id, index, options),
+    )?;
     files::write_png(&file("vkitti_1.3.1_scenegt"), &segments(&rendered, &moment))?;
     files::write_png(&file("parts"), &parts(&rendered))?;
     files::write(&file("vkitti_1.3.1_depthgt"), &depth_png(&rendered))?;

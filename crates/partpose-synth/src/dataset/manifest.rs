@@ -71,7 +71,11 @@ fn describe(options: &SynthOptions, zoo: &ModelZoo) -> Map<String, Value> {
     fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
-fn same(out: &Path, begun: &Map<String, Value>, asked: &Map<String, Value>) -> Result<(), SynthError> {
+fn same(
+    out: &Path,
+    begun: &Map<String, Value>,
+    asked: &Map<String, Value>,
+) -> Result<(), SynthError> {
     let missing = Value::Null;
     for (field, value) in asked {
         let before = begun.get(field).unwrap_or(&missing);

@@ -61,7 +61,8 @@ pub(super) fn vehicle(
     let truncation = truncation(&cuboid, camera);
     let truncated = level(truncation > 0.0, truncation > HEAVILY_TRUNCATED);
     let occluded = level(occupancy < OCCLUDED, occupancy < HEAVILY_OCCLUDED);
-    let dont_care = truncated == 2 || occluded == 2 || b - t < LEAST_HEIGHT || vehicle.category != "Car";
+    let dont_care =
+        truncated == 2 || occluded == 2 || b - t < LEAST_HEIGHT || vehicle.category != "Car";
     let label = if dont_care { "DontCare" } else { &vehicle.category };
     let rotation = camera_from_vehicle.rotation.to_rotation_matrix();
     let EulerAngles { x: rx, y, z: rz } = EulerAngles::from_rotation(&rotation);
@@ -140,10 +141,12 @@ pub(super) fn track_color(track: u32) -> [u8; 3] {
     // An odd factor permutes the 24-bit numbers; tracks use the first quarter, so that a number that meets the colour
     // of a class can go to the second, of which no track comes.
     let color = |number: u32| {
-        let [_, r, g, b] = (number.wrapping_mul(0x9e_3779).wrapping_add(0x12_3457) & 0xff_ffff).to_be_bytes();
+        let [_, r, g, b] =
+            (number.wrapping_mul(0x9e_3779).wrapping_add(0x12_3457) & 0xff_ffff).to_be_bytes();
         [r, g, b]
     };
-    let taken = |color: &[u8; 3]| *color == [0; 3] || CLASSES.iter().any(|(.., class)| class == color);
+    let taken =
+        |color: &[u8; 3]| *color == [0; 3] || CLASSES.iter().any(|(.., class)| class == color);
     let track = track & 0x3f_ffff;
     let own = color(track);
     if !taken(&own) {
@@ -174,7 +177,11 @@ mod tests {
             model: "sedan".to_owned(),
             color: "Red",
             extent: partpose::geometry::Extent::new(1.8, 1.5, 4.3),
-            world_from_vehicle: world_from_camera * Pose::new(partpose::geometry::Vector3::new(2.0, 1.6, 14.0), partpose::geometry::Vector3::new(0.03, 2.0, 0.02)),
+            world_from_vehicle: world_from_camera
+                * Pose::new(
+                    partpose::geometry::Vector3::new(2.0, 1.6, 14.0),
+                    partpose::geometry::Vector3::new(0.03, 2.0, 0.02),
+                ),
             moving: true,
         };
         let camera = Camera::pinhole(725.0, [620.5, 187.0], [1242, 375]);

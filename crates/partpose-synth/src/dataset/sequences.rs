@@ -39,7 +39,10 @@ pub(super) fn plan(options: &SynthOptions) -> Result<Vec<PlannedWorld>, SynthErr
 }
 
 /// The clone of every world of a data set, as many frames as asked for, in the variations asked for.
-fn from_layout(path: &std::path::Path, options: &SynthOptions) -> Result<Vec<PlannedWorld>, SynthError> {
+fn from_layout(
+    path: &std::path::Path,
+    options: &SynthOptions,
+) -> Result<Vec<PlannedWorld>, SynthError> {
     let dataset = Dataset::open(path)?;
     let mut planned = Vec::new();
     for id in dataset.sequences().iter().filter(|id| id.variation == "clone") {
@@ -54,7 +57,9 @@ fn from_layout(path: &std::path::Path, options: &SynthOptions) -> Result<Vec<Pla
         });
     }
     if planned.is_empty() {
-        return Err(SynthError::Options("the data set for the layout has no sequence of the variation `clone`"));
+        return Err(SynthError::Options(
+            "the data set for the layout has no sequence of the variation `clone`",
+        ));
     }
     Ok(planned)
 }
@@ -80,7 +85,9 @@ impl PlannedWorld {
                 },
                 Arc::clone(fleet),
             ),
-            Source::Layout(layout) => World::from_layout(Arc::clone(layout), options.seed, Arc::clone(fleet)),
+            Source::Layout(layout) => {
+                World::from_layout(Arc::clone(layout), options.seed, Arc::clone(fleet))
+            }
         }
     }
 

@@ -28,7 +28,8 @@ pub fn contact_sheets(dataset: &Path, name: &Path) -> Result<[PathBuf; 2], Synth
         pictures.push(small(&picture));
     }
     let stem = name.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let [rgb, parts] = ["rgb", "parts"].map(|kind| name.with_file_name(format!("{stem}-{kind}.png")));
+    let [rgb, parts] =
+        ["rgb", "parts"].map(|kind| name.with_file_name(format!("{stem}-{kind}.png")));
     files::write_png(&rgb, &sheet(&pictures))?;
     files::write_png(&parts, &sheet(&labelled))?;
     Ok([rgb, parts])
@@ -42,7 +43,8 @@ fn with_parts(picture: &RgbImage, frame: &Frame) -> Result<RgbImage, SynthError>
         let grey = (u32::from(pixel[0]) * 3 + u32::from(pixel[1]) * 6 + u32::from(pixel[2])) / 10;
         let seen = part.iter().any(|value| *value > 0);
         for (value, part) in pixel.iter_mut().zip(part) {
-            *value = if seen { ((u32::from(*part) * 4 + grey) / 5) as u8 } else { (grey * 2 / 3) as u8 };
+            *value =
+                if seen { ((u32::from(*part) * 4 + grey) / 5) as u8 } else { (grey * 2 / 3) as u8 };
         }
     }
     Ok(mixed)
@@ -65,7 +67,9 @@ fn small(picture: &RgbImage) -> RgbImage {
             for row in rows {
                 for column in columns.clone() {
                     let at = 3 * (row * width + column);
-                    sum.iter_mut().zip(&picture.pixels[at..at + 3]).for_each(|(sum, value)| *sum += u32::from(*value));
+                    sum.iter_mut()
+                        .zip(&picture.pixels[at..at + 3])
+                        .for_each(|(sum, value)| *sum += u32::from(*value));
                 }
             }
             pixels.extend(sum.map(|sum| (sum / count) as u8));

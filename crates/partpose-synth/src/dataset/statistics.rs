@@ -37,7 +37,8 @@ pub fn statistics(dataset: &Dataset) -> Result<Statistics, DatasetError> {
     let mut total = Statistics::default();
     for id in dataset.sequences() {
         let frames = dataset.frames(id)?;
-        let counted = frames.par_iter().map(frame).try_reduce(Statistics::default, |a, b| Ok(a.plus(&b)))?;
+        let counted =
+            frames.par_iter().map(frame).try_reduce(Statistics::default, |a, b| Ok(a.plus(&b)))?;
         total = total.plus(&counted);
     }
     Ok(total)
@@ -77,7 +78,8 @@ fn frame(frame: &Frame) -> Result<Statistics, DatasetError> {
         found.rows += 1;
         found.counted += usize::from(!vehicle.dont_care);
         let at = vehicle.cuboid.camera_from_vehicle.translation.vector;
-        let range = |limits: &[f64], value: f64| limits.iter().take_while(|limit| value >= **limit).count();
+        let range =
+            |limits: &[f64], value: f64| limits.iter().take_while(|limit| value >= **limit).count();
         found.distances[range(&DISTANCES, at.norm()).min(6)] += 1;
         found.occupancy[range(&RATIOS, vehicle.occupancy.unwrap_or(0.0)).min(4)] += 1;
         let truncation = vehicle.truncation;
@@ -104,7 +106,8 @@ pub fn statistics_table(sets: &[(&str, &Statistics)]) -> String {
         text.push('\n');
     };
     let ratio = |values: Vec<f64>| -> Vec<String> {
-        let mut cells: Vec<String> = values.iter().map(|value| format!("{:.2} %", 100.0 * value)).collect();
+        let mut cells: Vec<String> =
+            values.iter().map(|value| format!("{:.2} %", 100.0 * value)).collect();
         if let [a, b] = values[..] {
             cells.push(if b > 0.0 { format!("{:.2}", a / b) } else { "-".to_owned() });
         }
@@ -115,11 +118,15 @@ pub fn statistics_table(sets: &[(&str, &Statistics)]) -> String {
         header.push("ratio".to_owned());
     }
     line("", header);
-    let count = |of: fn(&Statistics) -> usize| sets.iter().map(|(_, set)| of(set).to_string()).collect();
+    let count =
+        |of: fn(&Statistics) -> usize| sets.iter().map(|(_, set)| of(set).to_string()).collect();
     line("frames", count(|set| set.frames));
     line("rows", count(|set| set.rows));
     line("rows that count", count(|set| set.counted));
-    line("vehicle pixels", sets.iter().map(|(_, set)| set.pixels[1..].iter().sum::<u64>().to_string()).collect());
+    line(
+        "vehicle pixels",
+        sets.iter().map(|(_, set)| set.pixels[1..].iter().sum::<u64>().to_string()).collect(),
+    );
     for part in PartClass::ALL {
         let name = format!("{} {}", part.id(), part.name());
         line(&name, ratio(sets.iter().map(|(_, set)| set.share(part)).collect()));
@@ -127,15 +134,21 @@ pub fn statistics_table(sets: &[(&str, &Statistics)]) -> String {
     let mut bins = |title: &str, names: &[&str], of: fn(&Statistics) -> Vec<usize>| {
         for (i, name) in names.iter().enumerate() {
             let share = |set: &Statistics| of(set)[i] as f64 / set.rows.max(1) as f64;
-            line(&format!("{title} {name}"), ratio(sets.iter().map(|(_, set)| share(set)).collect()));
+            line(
+                &format!("{title} {name}"),
+                ratio(sets.iter().map(|(_, set)| share(set)).collect()),
+            );
         }
     };
-    bins("distance m", &["0-5", "5-10", "10-20", "20-30", "30-45", "45-70", "70-"], |set| set.distances.to_vec());
+    bins("distance m", &["0-5", "5-10", "10-20", "20-30", "30-45", "45-70", "70-"], |set| {
+        set.distances.to_vec()
+    });
     let fifths = ["0.0-0.2", "0.2-0.4", "0.4-0.6", "0.6-0.8", "0.8-1.0"];
     bins("occupancy", &fifths, |set| set.occupancy.to_vec());
     let cut = ["0", "0.0-0.2", "0.2-0.4", "0.4-0.6", "0.6-0.8", "0.8-1.0"];
     bins("truncation", &cut, |set| set.truncation.to_vec());
-    let turns = ["-180..-135", "-135..-90", "-90..-45", "-45..0", "0..45", "45..90", "90..135", "135..180"];
+    let turns =
+        ["-180..-135", "-135..-90", "-90..-45", "-45..0", "0..45", "45..90", "90..135", "135..180"];
     bins("alpha deg", &turns, |set| set.alpha.to_vec());
     text
 }

@@ -44,8 +44,18 @@ pub(crate) fn house(seed: u64, house: &House) -> Prop {
     let eaves = ground + STOREY * (storeys.max(1) - 1) as f32;
     let mut shape = Shape::default();
     // Walls stand in the ground a little, since it may slope.
-    shape.block_faces(p(0.0, -eaves, -half), p(depth, -ground, half), [true, true, false, false, true, true], 0);
-    shape.block_faces(p(0.0, -ground, -half), p(depth, 0.8, half), [true, true, false, false, true, true], 1);
+    shape.block_faces(
+        p(0.0, -eaves, -half),
+        p(depth, -ground, half),
+        [true, true, false, false, true, true],
+        0,
+    );
+    shape.block_faces(
+        p(0.0, -ground, -half),
+        p(depth, 0.8, half),
+        [true, true, false, false, true, true],
+        1,
+    );
     ground_floor(&mut shape, &mut rng, half, ground);
     // A string course and the cornice catch light.
     shape.block(p(-0.07, -ground - 0.1, -half), p(0.0, -ground + 0.08, half), 2);
@@ -75,7 +85,8 @@ fn materials(rng: &mut ChaCha8Rng) -> std::sync::Arc<[Material]> {
     let window = [field[0] * rng.random_range(0.38_f32..0.62), rng.random_range(1.3_f32..1.8)];
     let facade = Texture::Facade { field, window, seed: rng.random() };
     let base = shade(wall, rng.random_range(0.55_f32..1.0));
-    let roof = [[0.20, 0.075, 0.045], [0.09, 0.085, 0.085], [0.13, 0.09, 0.07]][rng.random_range(0..3)];
+    let roof =
+        [[0.20, 0.075, 0.045], [0.09, 0.085, 0.085], [0.13, 0.09, 0.07]][rng.random_range(0..3)];
     [
         textured(wall, facade),
         noisy(base, shade(base, 0.8), 1.5),
@@ -84,8 +95,16 @@ fn materials(rng: &mut ChaCha8Rng) -> std::sync::Arc<[Material]> {
         textured([0.24, 0.10, 0.07], Texture::Slabs { size: [0.24, 0.08], joint: 0.01 }),
         dark_glass(),
         metal(0.35, 0.5),
-        smooth([[0.05, 0.09, 0.05], [0.10, 0.04, 0.03], [0.05, 0.05, 0.07], [0.2, 0.15, 0.1]][rng.random_range(0..4)], 0.4),
-        smooth([[0.30, 0.03, 0.03], [0.03, 0.10, 0.25], [0.35, 0.30, 0.22], [0.03, 0.03, 0.03]][rng.random_range(0..4)], 0.5),
+        smooth(
+            [[0.05, 0.09, 0.05], [0.10, 0.04, 0.03], [0.05, 0.05, 0.07], [0.2, 0.15, 0.1]]
+                [rng.random_range(0..4)],
+            0.4,
+        ),
+        smooth(
+            [[0.30, 0.03, 0.03], [0.03, 0.10, 0.25], [0.35, 0.30, 0.22], [0.03, 0.03, 0.03]]
+                [rng.random_range(0..4)],
+            0.5,
+        ),
     ]
     .into()
 }
@@ -96,7 +115,8 @@ fn ground_floor(shape: &mut Shape, rng: &mut ChaCha8Rng, half: f32, ground: f32)
     let mut z = -half + rng.random_range(0.6_f32..1.2);
     let mut has_door = false;
     while z < half - 1.6 {
-        let wide = if is_shop { rng.random_range(1.8_f32..2.8) } else { rng.random_range(0.9_f32..1.3) };
+        let wide =
+            if is_shop { rng.random_range(1.8_f32..2.8) } else { rng.random_range(0.9_f32..1.3) };
         let wide = wide.min(half - 0.4 - z);
         let door = !has_door && rng.random_bool(0.4);
         let (low, high, material) = if door {
@@ -117,7 +137,12 @@ fn ground_floor(shape: &mut Shape, rng: &mut ChaCha8Rng, half: f32, ground: f32)
         shape.block(p(-0.12, -ground + 0.15, -half * 0.9), p(0.0, -ground + 0.75, half * 0.9), 8);
         if rng.random_bool(0.4) {
             let y = -ground + 0.85;
-            let corners = [p(0.0, y, -half * 0.7), p(0.0, y, half * 0.7), p(-1.1, y + 0.45, half * 0.7), p(-1.1, y + 0.45, -half * 0.7)];
+            let corners = [
+                p(0.0, y, -half * 0.7),
+                p(0.0, y, half * 0.7),
+                p(-1.1, y + 0.45, half * 0.7),
+                p(-1.1, y + 0.45, -half * 0.7),
+            ];
             shape.panel(corners, [0.0, 0.0], -V::y(), 8);
         }
     }
@@ -129,11 +154,22 @@ fn gable_roof(shape: &mut Shape, half: f32, depth: f32, eaves: f32, pitch: f32) 
     let eave = eaves - 0.4 * pitch;
     let middle = 0.5 * depth;
     let z = half + over;
-    shape.panel([p(x0, -eave, -z), p(x0, -eave, z), p(middle, -ridge, z), p(middle, -ridge, -z)], [0.0, 0.0], V::new(-1.0, -1.0, 0.0), 3);
-    shape.panel([p(x1, -eave, z), p(x1, -eave, -z), p(middle, -ridge, -z), p(middle, -ridge, z)], [0.0, 0.0], V::new(1.0, -1.0, 0.0), 3);
+    shape.panel(
+        [p(x0, -eave, -z), p(x0, -eave, z), p(middle, -ridge, z), p(middle, -ridge, -z)],
+        [0.0, 0.0],
+        V::new(-1.0, -1.0, 0.0),
+        3,
+    );
+    shape.panel(
+        [p(x1, -eave, z), p(x1, -eave, -z), p(middle, -ridge, -z), p(middle, -ridge, z)],
+        [0.0, 0.0],
+        V::new(1.0, -1.0, 0.0),
+        3,
+    );
     for side in [-1.0, 1.0] {
         let z = side * half;
-        let corners = [p(0.0, -eaves, z), p(depth, -eaves, z), p(middle, -ridge, z), p(middle, -ridge, z)];
+        let corners =
+            [p(0.0, -eaves, z), p(depth, -eaves, z), p(middle, -ridge, z), p(middle, -ridge, z)];
         shape.panel(corners, [0.0, 0.0], V::z() * side, 1);
     }
 }
@@ -143,7 +179,11 @@ fn balcony(shape: &mut Shape, rng: &mut ChaCha8Rng, half: f32, floor: f32) {
     let z = rng.random_range(-1.0_f32..1.0) * (half - width);
     let (a, b) = (z - width, z + width);
     shape.block(p(-1.0, -floor, a), p(0.0, -floor + 0.16, b), 2);
-    shape.block(p(-1.0, -floor - 1.0, a), p(-0.97, -floor, b), if rng.random_bool(0.5) { 6 } else { 2 });
+    shape.block(
+        p(-1.0, -floor - 1.0, a),
+        p(-0.97, -floor, b),
+        if rng.random_bool(0.5) { 6 } else { 2 },
+    );
     shape.block(p(-1.0, -floor - 1.0, a), p(0.0, -floor, a + 0.03), 6);
     shape.block(p(-1.0, -floor - 1.0, b - 0.03), p(0.0, -floor, b), 6);
 }
@@ -167,7 +207,8 @@ pub(crate) fn barrier(seed: u64) -> Prop {
     let mut shape = Shape::default();
     shape.block(p(-0.06, -3.2, -3.0), p(0.06, 0.6, 3.0), 0);
     shape.block(p(-0.14, -3.4, -3.08), p(0.14, 0.6, -2.92), 1);
-    let color = [[0.16, 0.20, 0.13], [0.30, 0.30, 0.29], [0.24, 0.19, 0.13]][rng.random_range(0..3)];
+    let color =
+        [[0.16, 0.20, 0.13], [0.30, 0.30, 0.29], [0.24, 0.19, 0.13]][rng.random_range(0..3)];
     let boards = Texture::Slabs { size: [3.0, 0.5], joint: 0.02 };
     let materials = [textured(color, boards), metal(0.3, 0.5)].into();
     Prop { mesh: shape.finish(), materials, class: SegmentClass::Building }

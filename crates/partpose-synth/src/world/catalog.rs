@@ -45,7 +45,8 @@ impl Catalog {
             (0..count).map(&mut make).collect()
         }
         let own = |kind: i64, i: i64| hash(seed, &[0xca7, kind, i]);
-        let species = [Species::Forest, Species::Forest, Species::Forest, Species::Fir, Species::Fir];
+        let species =
+            [Species::Forest, Species::Forest, Species::Forest, Species::Fir, Species::Fir];
         Self {
             street_trees: some(5, |i| tree(own(1, i), Species::Street)),
             forest_trees: some(8, |i| tree(own(2, i), species[i as usize % species.len()])),
@@ -60,7 +61,8 @@ impl Catalog {
             people: some(14, |i| pedestrian(own(10, i))),
             cyclists: some(6, |i| cyclist(own(11, i))),
             heavies: some(10, |i| heavy(own(12, i))),
-            lights: [(0, false), (2, false), (0, true), (2, true)].map(|(lit, arm)| traffic_light(lit, arm)),
+            lights: [(0, false), (2, false), (0, true), (2, true)]
+                .map(|(lit, arm)| traffic_light(lit, arm)),
             lamp_post: lamp_post(6.5),
             tall_lamp_post: lamp_post(10.0),
             bollard: bollard(),

@@ -8,7 +8,9 @@ use super::path::Path;
 use super::plan::{CROSSING, LANE};
 use super::site::{ASPHALT, PAINT, Site, level};
 use super::street::flat;
-use super::urban::{self, KERB_HEIGHT, Profile, carriageway, pavement_things, pavements, rows_of_houses};
+use super::urban::{
+    self, KERB_HEIGHT, Profile, carriageway, pavement_things, pavements, rows_of_houses,
+};
 use crate::scene::SegmentClass;
 
 /// The camera's street.
@@ -30,10 +32,19 @@ pub(crate) fn furnish_main(site: &mut Site) {
         rows_of_houses(site, stretch, MAIN, &[-1.0, 1.0]);
         pavement_things(site, stretch, MAIN);
     }
-    for (at, from, to) in [(CROSSING - CROSS.kerb - 4.2, 0.0, MAIN.kerb), (CROSSING + CROSS.kerb + 4.0, -MAIN.kerb, 0.0)] {
+    for (at, from, to) in [
+        (CROSSING - CROSS.kerb - 4.2, 0.0, MAIN.kerb),
+        (CROSSING + CROSS.kerb + 4.0, -MAIN.kerb, 0.0),
+    ] {
         if (range[0]..range[1]).contains(&at) {
             // The line to stop at, and the zebra before it.
-            site.ground([at - 0.4, at], 1.0, &[flat(from, to, 0.008, PAINT)], &level, SegmentClass::Road);
+            site.ground(
+                [at - 0.4, at],
+                1.0,
+                &[flat(from, to, 0.008, PAINT)],
+                &level,
+                SegmentClass::Road,
+            );
         }
     }
     for at in [CROSSING - CROSS.kerb - 3.4, CROSSING + CROSS.kerb + 0.6] {
@@ -56,7 +67,13 @@ pub(crate) fn furnish_cross(site: &mut Site, path: &Path) {
     let mouth = [-MAIN.kerb, MAIN.kerb];
     let corner = [-MAIN.front - 14.0, MAIN.front + 14.0];
     for stretch in site.outside(mouth) {
-        site.ground(stretch, 8.0, &[flat(-CROSS.kerb, CROSS.kerb, -0.002, ASPHALT)], &level, SegmentClass::Road);
+        site.ground(
+            stretch,
+            8.0,
+            &[flat(-CROSS.kerb, CROSS.kerb, -0.002, ASPHALT)],
+            &level,
+            SegmentClass::Road,
+        );
         pavements(site, stretch, CROSS);
         lane_lines(site, stretch, mouth);
     }
@@ -67,15 +84,28 @@ pub(crate) fn furnish_cross(site: &mut Site, path: &Path) {
 }
 
 fn lane_lines(site: &mut Site, stretch: [f64; 2], gap: [f64; 2]) {
-    let lines: Vec<[f64; 2]> = [[stretch[0], stretch[1].min(gap[0])], [stretch[0].max(gap[1]), stretch[1]]]
-        .into_iter()
-        .filter(|[a, b]| b - a > 0.1)
-        .collect();
+    let lines: Vec<[f64; 2]> =
+        [[stretch[0], stretch[1].min(gap[0])], [stretch[0].max(gap[1]), stretch[1]]]
+            .into_iter()
+            .filter(|[a, b]| b - a > 0.1)
+            .collect();
     for line in lines {
-        site.ground(line, 8.0, &[flat(-0.14, -0.04, 0.008, PAINT), flat(0.04, 0.14, 0.008, PAINT)], &level, SegmentClass::Road);
+        site.ground(
+            line,
+            8.0,
+            &[flat(-0.14, -0.04, 0.008, PAINT), flat(0.04, 0.14, 0.008, PAINT)],
+            &level,
+            SegmentClass::Road,
+        );
         for at in [-LANE, LANE] {
             for dash in super::street::dashes(line, 2.0, 5.0) {
-                site.ground(dash, 3.0, &[flat(at - 0.06, at + 0.06, 0.008, PAINT)], &level, SegmentClass::Road);
+                site.ground(
+                    dash,
+                    3.0,
+                    &[flat(at - 0.06, at + 0.06, 0.008, PAINT)],
+                    &level,
+                    SegmentClass::Road,
+                );
             }
         }
     }

@@ -65,12 +65,22 @@ impl Fleet {
 
     /// The vehicle of a category scaled to a size: one of the body style that another data set's name of a mesh speaks
     /// of, or else the one nearest in size.
-    pub(crate) fn like(&self, seed: u64, words: &[i64], mesh: &str, category: &str, extent: Extent) -> Option<Vehicle> {
+    pub(crate) fn like(
+        &self,
+        seed: u64,
+        words: &[i64],
+        mesh: &str,
+        category: &str,
+        extent: Extent,
+    ) -> Option<Vehicle> {
         let mesh = mesh.to_lowercase();
-        let of_category = || (0..self.kinds.len()).filter(|kind| self.kinds[*kind].category == category);
+        let of_category =
+            || (0..self.kinds.len()).filter(|kind| self.kinds[*kind].category == category);
         let speaks = |kind: &usize| {
             let style = self.kinds[*kind].body_style.to_lowercase();
-            !style.is_empty() && (mesh.contains(&style) || synonym(&mesh).is_some_and(|word| style.contains(word)))
+            !style.is_empty()
+                && (mesh.contains(&style)
+                    || synonym(&mesh).is_some_and(|word| style.contains(word)))
         };
         let mut fitting: Vec<usize> = of_category().filter(speaks).collect();
         if fitting.is_empty() {
@@ -87,7 +97,13 @@ impl Fleet {
     }
 
     /// A vehicle in its place; `instance` counts from 1.
-    pub(crate) fn object(&self, vehicle: &Vehicle, world_from_vehicle: Pose, lamps: &Lamps, instance: u16) -> Object {
+    pub(crate) fn object(
+        &self,
+        vehicle: &Vehicle,
+        world_from_vehicle: Pose,
+        lamps: &Lamps,
+        instance: u16,
+    ) -> Object {
         let kind = self.kind(vehicle);
         let class = if kind.category == "Van" { SegmentClass::Van } else { SegmentClass::Car };
         let scale: Vector3<f64> = vehicle.extent.ratio(&kind.extent);

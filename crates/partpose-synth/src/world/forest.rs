@@ -29,23 +29,39 @@ pub(crate) fn furnish(site: &mut Site, clear: f64) {
             let far = rng.random_range(0.0_f64..1.0);
             let right = begin + 38.0 * far * far;
             let s = rng.random_range(range[0]..range[1]);
-            let pool = if rng.random_bool(0.3) { &catalog.street_trees } else { &catalog.forest_trees };
+            let pool =
+                if rng.random_bool(0.3) { &catalog.street_trees } else { &catalog.forest_trees };
             let tree = &pool[rng.random_range(0..pool.len())];
             let up = lift(s, side * right) - 0.1;
-            site.put(tree, [s, side * right, up], rng.random_range(0.0..6.0), rng.random_range(0.7..1.25));
+            site.put(
+                tree,
+                [s, side * right, up],
+                rng.random_range(0.0..6.0),
+                rng.random_range(0.7..1.25),
+            );
         }
         for _ in 0..24 {
             let right = begin - 0.6 + rng.random_range(0.0_f64..12.0);
             let s = rng.random_range(range[0]..range[1]);
             let bush = &catalog.bushes[rng.random_range(0..catalog.bushes.len())];
             let up = lift(s, side * right);
-            site.put(bush, [s, side * right, up], rng.random_range(0.0..6.0), rng.random_range(0.6..2.0));
+            site.put(
+                bush,
+                [s, side * right, up],
+                rng.random_range(0.0..6.0),
+                rng.random_range(0.6..2.0),
+            );
         }
         for _ in 0..34 {
             let right = edge + 0.9 + rng.random_range(0.0_f64..5.0);
             let s = rng.random_range(range[0]..range[1]);
             let tuft = &catalog.tufts[rng.random_range(0..catalog.tufts.len())];
-            site.put(tuft, [s, side * right, lift(s, side * right) - 0.05], rng.random_range(0.0..6.0), rng.random_range(0.6..1.3));
+            site.put(
+                tuft,
+                [s, side * right, lift(s, side * right) - 0.05],
+                rng.random_range(0.0..6.0),
+                rng.random_range(0.6..1.3),
+            );
         }
         let turn = if side > 0.0 { 0.0 } else { std::f64::consts::PI };
         if rail == 0 || (rail == 1 && side > 0.0) {
@@ -91,11 +107,18 @@ fn markings(site: &mut Site, range: [f64; 2], edge: f64) {
         site.ground(dash, 2.0, &[flat(-0.06, 0.06, 0.008, PAINT)], &level, SegmentClass::Road);
     }
     let at = edge - 0.25;
-    let lines = [flat(-at - 0.06, -at + 0.06, 0.008, PAINT), flat(at - 0.06, at + 0.06, 0.008, PAINT)];
+    let lines =
+        [flat(-at - 0.06, -at + 0.06, 0.008, PAINT), flat(at - 0.06, at + 0.06, 0.008, PAINT)];
     site.ground(range, 2.0, &lines, &level, SegmentClass::Road);
     if rng.random_bool(0.5) {
         let s = rng.random_range(range[0]..range[1] - 9.0);
         let right = if rng.random_bool(0.5) { 0.3 } else { -2.9 };
-        site.ground([s, s + rng.random_range(3.0..9.0)], 2.0, &[flat(right, right + 2.5, 0.004, PATCH)], &level, SegmentClass::Road);
+        site.ground(
+            [s, s + rng.random_range(3.0..9.0)],
+            2.0,
+            &[flat(right, right + 2.5, 0.004, PATCH)],
+            &level,
+            SegmentClass::Road,
+        );
     }
 }

@@ -42,7 +42,11 @@ pub(crate) fn sign(kind: u32) -> Prop {
     shape.tube([p(0.0, 0.2, 0.0), p(0.0, -2.75, 0.0)], [0.032, 0.032], 6, 0);
     let center = p(0.0, -2.4, -0.05);
     let red: Material = smooth([0.45, 0.015, 0.02], 0.4);
-    let (white, blue, yellow) = (smooth([0.75, 0.75, 0.75], 0.4), smooth([0.015, 0.07, 0.35], 0.4), smooth([0.75, 0.45, 0.02], 0.4));
+    let (white, blue, yellow) = (
+        smooth([0.75, 0.75, 0.75], 0.4),
+        smooth([0.015, 0.07, 0.35], 0.4),
+        smooth([0.75, 0.45, 0.02], 0.4),
+    );
     let black = smooth([0.02, 0.02, 0.02], 0.5);
     let (rim, face, ink) = match kind % 7 {
         0 | 1 => (red, white, black),
@@ -79,7 +83,8 @@ pub(crate) fn sign(kind: u32) -> Prop {
 fn disc(shape: &mut Shape, center: P, radius: f32, sides: u32, turn: f32, material: u16) {
     let corner = |i: u32| {
         let angle = std::f32::consts::TAU * (i as f32 + turn) / sides as f32;
-        center + V::new(angle.sin(), if sides == 3 { angle.cos() } else { -angle.cos() }, 0.0) * radius
+        center
+            + V::new(angle.sin(), if sides == 3 { angle.cos() } else { -angle.cos() }, 0.0) * radius
     };
     for i in 0..sides {
         for (out, material, behind) in [(-V::z(), material, 0.0), (V::z(), 0, 0.012)] {
@@ -150,7 +155,8 @@ pub(crate) fn gantry(seed: u64, width: f32) -> Prop {
         }
         x -= wide + rng.random_range(0.8_f32..2.0);
     }
-    let materials = [metal(0.33, 0.5), smooth([0.7, 0.7, 0.7], 0.4), smooth([0.015, 0.07, 0.33], 0.4)];
+    let materials =
+        [metal(0.33, 0.5), smooth([0.7, 0.7, 0.7], 0.4), smooth([0.015, 0.07, 0.33], 0.4)];
     Prop { mesh: shape.finish(), materials: materials.into(), class: SegmentClass::TrafficSign }
 }
 
@@ -159,7 +165,15 @@ pub(crate) fn guard_rail() -> Prop {
     let mut shape = Shape::default();
     shape.block(p(0.0, -0.72, -0.06), p(0.1, 0.4, 0.06), 0);
     // The profile of the beam: two waves.
-    let profile = [[-0.02, -0.75], [-0.10, -0.68], [-0.10, -0.62], [-0.03, -0.58], [-0.10, -0.54], [-0.10, -0.48], [-0.02, -0.42]];
+    let profile = [
+        [-0.02, -0.75],
+        [-0.10, -0.68],
+        [-0.10, -0.62],
+        [-0.03, -0.58],
+        [-0.10, -0.54],
+        [-0.10, -0.48],
+        [-0.02, -0.42],
+    ];
     for pair in profile.windows(2) {
         let [[x0, y0], [x1, y1]] = [pair[0], pair[1]];
         let corners = [p(x0, y0, -2.0), p(x0, y0, 2.0), p(x1, y1, 2.0), p(x1, y1, -2.0)];
@@ -180,11 +194,21 @@ pub(crate) fn concrete_barrier() -> Prop {
         let profile = [[0.30, 0.2], [0.30, -0.08], [0.18, -0.30], [0.10, -0.90]];
         for pair in profile.windows(2) {
             let [[x0, y0], [x1, y1]] = [pair[0], pair[1]];
-            let corners = [p(side * x0, y0, -2.0), p(side * x0, y0, 2.0), p(side * x1, y1, 2.0), p(side * x1, y1, -2.0)];
+            let corners = [
+                p(side * x0, y0, -2.0),
+                p(side * x0, y0, 2.0),
+                p(side * x1, y1, 2.0),
+                p(side * x1, y1, -2.0),
+            ];
             shape.panel(corners, [0.0, 0.0], V::new(side, -0.3, 0.0), 0);
         }
     }
-    shape.panel([p(-0.1, -0.9, -2.0), p(0.1, -0.9, -2.0), p(0.1, -0.9, 2.0), p(-0.1, -0.9, 2.0)], [0.0, 0.0], -V::y(), 0);
+    shape.panel(
+        [p(-0.1, -0.9, -2.0), p(0.1, -0.9, -2.0), p(0.1, -0.9, 2.0), p(-0.1, -0.9, 2.0)],
+        [0.0, 0.0],
+        -V::y(),
+        0,
+    );
     let materials = [noisy([0.38, 0.37, 0.35], [0.26, 0.25, 0.24], 1.2)].into();
     Prop { mesh: shape.finish(), materials, class: SegmentClass::GuardRail }
 }
@@ -237,7 +261,12 @@ pub(crate) fn signboard(seed: u64) -> Prop {
                 at(z + radius * c, -0.2 + radius * s, layer)
             };
             for i in 0..12 {
-                shape.panel([at(z, -0.2, layer), corner(i), corner(i + 1), corner(i + 1)], [0.0, 0.0], -V::x(), material);
+                shape.panel(
+                    [at(z, -0.2, layer), corner(i), corner(i + 1), corner(i + 1)],
+                    [0.0, 0.0],
+                    -V::x(),
+                    material,
+                );
             }
         }
     }

@@ -43,7 +43,11 @@ fn materials(rng: &mut ChaCha8Rng) -> std::sync::Arc<[Material]> {
         [0.02, 0.22, 0.28],
     ];
     let paint = PAINTS[rng.random_range(0..7)];
-    let cargo = if rng.random_bool(0.6) { [0.68, 0.68, 0.66] } else { shade(PAINTS[rng.random_range(0..7)], 0.9) };
+    let cargo = if rng.random_bool(0.6) {
+        [0.68, 0.68, 0.66]
+    } else {
+        shade(PAINTS[rng.random_range(0..7)], 0.9)
+    };
     let gloss = |color| Material { clear_coat: 0.6, dirt: 0.25, ..smooth(color, 0.4) };
     [
         gloss(paint),
@@ -65,7 +69,9 @@ fn lorry(shape: &mut Shape, rng: &mut ChaCha8Rng) {
     let half = rng.random_range(1.05_f32..1.24);
     let height = rng.random_range(2.7_f32..3.6);
     cab(shape, front, half, height.min(2.75));
-    let stripe = rng.random_bool(0.5).then(|| [rng.random_range(0.5_f32..0.75), rng.random_range(0.25_f32..0.8)]);
+    let stripe = rng
+        .random_bool(0.5)
+        .then(|| [rng.random_range(0.5_f32..0.75), rng.random_range(0.25_f32..0.8)]);
     cargo(shape, stripe, [rear + 0.1, front - 1.9], half, height);
     shape.block(p(-0.45, -0.95, rear + 0.2), p(0.45, -0.6, front - 0.4), BLACK);
     for z in [front - 1.2, rear + 1.4] {
@@ -96,31 +102,107 @@ fn cab(shape: &mut Shape, front: f32, half: f32, height: f32) {
     shape.block(p(-half, waist, back), p(half, -0.45, front), PAINT);
     // Above the waist the front leans back.
     let lean = 0.22;
-    let corners = |x: f32| [p(x, waist, front), p(x, brow, front - lean), p(x, -height, front - 0.5), p(x, -height, back)];
+    let corners = |x: f32| {
+        [
+            p(x, waist, front),
+            p(x, brow, front - lean),
+            p(x, -height, front - 0.5),
+            p(x, -height, back),
+        ]
+    };
     for side in [-1.0_f32, 1.0] {
         let [a, b, c, d] = corners(side * half);
         shape.panel([a, b, c, d], [0.0, 0.0], V::x() * side, PAINT);
         let e = p(side * half, waist, back);
         shape.panel([a, d, e, e], [0.0, 0.0], V::x() * side, PAINT);
         let x = side * (half + 0.006);
-        shape.panel([p(x, waist, front - 0.15), p(x, brow, front - lean - 0.15), p(x, brow, back + 0.7), p(x, waist, back + 0.7)], [0.0, 0.0], V::x() * side, GLASS);
-        shape.block(p(side * (half + 0.05), -height * 0.78, front - 0.25), p(side * (half + 0.28), -height * 0.78 + 0.55, front - 0.15), BLACK);
-        shape.block(p(side * (half - 0.42), -0.95, front - 0.02), p(side * (half - 0.06), -0.72, front + 0.02), LAMP);
+        shape.panel(
+            [
+                p(x, waist, front - 0.15),
+                p(x, brow, front - lean - 0.15),
+                p(x, brow, back + 0.7),
+                p(x, waist, back + 0.7),
+            ],
+            [0.0, 0.0],
+            V::x() * side,
+            GLASS,
+        );
+        shape.block(
+            p(side * (half + 0.05), -height * 0.78, front - 0.25),
+            p(side * (half + 0.28), -height * 0.78 + 0.55, front - 0.15),
+            BLACK,
+        );
+        shape.block(
+            p(side * (half - 0.42), -0.95, front - 0.02),
+            p(side * (half - 0.06), -0.72, front + 0.02),
+            LAMP,
+        );
     }
     let (l, r) = (-half, half);
-    shape.panel([p(l, waist, front), p(r, waist, front), p(r, brow, front - lean), p(l, brow, front - lean)], [0.0, 0.0], V::z(), PAINT);
+    shape.panel(
+        [
+            p(l, waist, front),
+            p(r, waist, front),
+            p(r, brow, front - lean),
+            p(l, brow, front - lean),
+        ],
+        [0.0, 0.0],
+        V::z(),
+        PAINT,
+    );
     let out = V::new(0.0, -0.2, 1.0);
     let (gl, gr) = (-half * 0.93, half * 0.93);
-    shape.panel([p(gl, waist + 0.05, front + 0.012), p(gr, waist + 0.05, front + 0.012), p(gr, brow + 0.05, front - lean + 0.014), p(gl, brow + 0.05, front - lean + 0.014)], [0.0, 0.0], out, GLASS);
-    shape.panel([p(l, brow, front - lean), p(r, brow, front - lean), p(r, -height, front - 0.5), p(l, -height, front - 0.5)], [0.0, 0.0], out, PAINT);
-    shape.panel([p(l, -height, front - 0.5), p(r, -height, front - 0.5), p(r, -height, back), p(l, -height, back)], [0.0, 0.0], -V::y(), PAINT);
-    shape.panel([p(l, waist, back), p(r, waist, back), p(r, -height, back), p(l, -height, back)], [0.0, 0.0], -V::z(), PAINT);
+    shape.panel(
+        [
+            p(gl, waist + 0.05, front + 0.012),
+            p(gr, waist + 0.05, front + 0.012),
+            p(gr, brow + 0.05, front - lean + 0.014),
+            p(gl, brow + 0.05, front - lean + 0.014),
+        ],
+        [0.0, 0.0],
+        out,
+        GLASS,
+    );
+    shape.panel(
+        [
+            p(l, brow, front - lean),
+            p(r, brow, front - lean),
+            p(r, -height, front - 0.5),
+            p(l, -height, front - 0.5),
+        ],
+        [0.0, 0.0],
+        out,
+        PAINT,
+    );
+    shape.panel(
+        [
+            p(l, -height, front - 0.5),
+            p(r, -height, front - 0.5),
+            p(r, -height, back),
+            p(l, -height, back),
+        ],
+        [0.0, 0.0],
+        -V::y(),
+        PAINT,
+    );
+    shape.panel(
+        [p(l, waist, back), p(r, waist, back), p(r, -height, back), p(l, -height, back)],
+        [0.0, 0.0],
+        -V::z(),
+        PAINT,
+    );
     shape.block(p(l * 0.8, -1.5, front), p(r * 0.8, -1.05, front + 0.03), BLACK);
     shape.block(p(l, -0.6, front - 0.1), p(r, -0.35, front + 0.06), BLACK);
 }
 
 /// A box with doors at the back; the stripe is given by its height as a share and its width.
-fn cargo(shape: &mut Shape, stripe: Option<[f32; 2]>, [back, front]: [f32; 2], half: f32, height: f32) {
+fn cargo(
+    shape: &mut Shape,
+    stripe: Option<[f32; 2]>,
+    [back, front]: [f32; 2],
+    half: f32,
+    height: f32,
+) {
     shape.block(p(-half, -height, back), p(half, -1.05, front), BOX);
     if let Some([share, tall]) = stripe {
         let y = -height * share;
@@ -152,7 +234,12 @@ fn axle(shape: &mut Shape, z: f32, half: f32, radius: f32) {
     for side in [-1.0_f32, 1.0] {
         let (inner, outer) = (side * (half - 0.45), side * (half - 0.02));
         shape.tube([p(inner, -radius, z), p(outer, -radius, z)], [radius, radius], 16, TYRE);
-        shape.tube([p(outer, -radius, z), p(outer + side * 0.015, -radius, z)], [radius * 0.58, radius * 0.5], 12, STEEL);
+        shape.tube(
+            [p(outer, -radius, z), p(outer + side * 0.015, -radius, z)],
+            [radius * 0.58, radius * 0.5],
+            12,
+            STEEL,
+        );
     }
 }
 
@@ -168,18 +255,33 @@ fn bus(shape: &mut Shape, rng: &mut ChaCha8Rng) {
     while z < front - 1.4 {
         let end = (z + 1.35).min(front - 0.4);
         for side in [-1.0_f32, 1.0] {
-            let corners = [p(side * x, -1.15, z), p(side * x, -1.15, end), p(side * x, -height + 0.45, end), p(side * x, -height + 0.45, z)];
+            let corners = [
+                p(side * x, -1.15, z),
+                p(side * x, -1.15, end),
+                p(side * x, -height + 0.45, end),
+                p(side * x, -height + 0.45, z),
+            ];
             shape.panel(corners, [0.0, 0.0], V::x() * side, GLASS);
         }
         z = end + 0.08;
     }
     for z in [front - 1.5, 0.2] {
-        let corners = [p(x + 0.01, -0.4, z), p(x + 0.01, -0.4, z + 1.2), p(x + 0.01, -2.6, z + 1.2), p(x + 0.01, -2.6, z)];
+        let corners = [
+            p(x + 0.01, -0.4, z),
+            p(x + 0.01, -0.4, z + 1.2),
+            p(x + 0.01, -2.6, z + 1.2),
+            p(x + 0.01, -2.6, z),
+        ];
         shape.panel(corners, [0.0, 0.0], V::x(), GLASS);
     }
     for (z, out, low) in [(front + 0.008, 1.0_f32, -1.0), (rear - 0.008, -1.0, -1.7)] {
         let w = half * 0.92;
-        shape.panel([p(-w, low, z), p(w, low, z), p(w, -height + 0.35, z), p(-w, -height + 0.35, z)], [0.0, 0.0], V::z() * out, GLASS);
+        shape.panel(
+            [p(-w, low, z), p(w, low, z), p(w, -height + 0.35, z), p(-w, -height + 0.35, z)],
+            [0.0, 0.0],
+            V::z() * out,
+            GLASS,
+        );
         for side in [-1.0_f32, 1.0] {
             let at = side * (half - 0.25);
             let material = if out > 0.0 { LAMP } else { TAIL };

@@ -121,7 +121,8 @@ mod tests {
 
     #[test]
     fn a_path_passes_through_the_origin_and_keeps_its_length() {
-        let path = Path::new([-50.0, 200.0], |s| 0.4 * (s / 40.0).sin(), |s| 2.0 * (s / 60.0).sin());
+        let path =
+            Path::new([-50.0, 200.0], |s| 0.4 * (s / 40.0).sin(), |s| 2.0 * (s / 60.0).sin());
         assert!(path.pose(0.0).translation.vector.norm() < 1e-9);
         let mut length = 0.0;
         for i in 0..100 {

@@ -66,17 +66,42 @@ fn leg(shape: &mut Shape, hip: P, swing: f32, bare: bool) {
 }
 
 fn clothes(rng: &mut ChaCha8Rng) -> Arc<[Material]> {
-    let skin = [[0.50, 0.31, 0.22], [0.42, 0.24, 0.15], [0.20, 0.11, 0.07], [0.09, 0.05, 0.035]][rng.random_range(0..4)];
+    let skin = [[0.50, 0.31, 0.22], [0.42, 0.24, 0.15], [0.20, 0.11, 0.07], [0.09, 0.05, 0.035]]
+        [rng.random_range(0..4)];
     let mut cloth = |dark: f32| {
         let hue = rng.random_range(0..6);
         let bright = rng.random_range(0.02_f32..0.35) * dark;
-        let tint = [[1.0, 1.0, 1.0], [1.0, 0.3, 0.25], [0.3, 0.45, 1.0], [0.5, 0.6, 0.4], [1.0, 0.85, 0.6], [0.4, 0.4, 0.45]][hue];
+        let tint = [
+            [1.0, 1.0, 1.0],
+            [1.0, 0.3, 0.25],
+            [0.3, 0.45, 1.0],
+            [0.5, 0.6, 0.4],
+            [1.0, 0.85, 0.6],
+            [0.4, 0.4, 0.45],
+        ][hue];
         matt(tint.map(|value: f32| value * bright + 0.01))
     };
     let (top, trousers, shoes) = (cloth(1.2), cloth(0.45), cloth(0.3));
-    let hair = matt([[0.015, 0.012, 0.010], [0.06, 0.035, 0.02], [0.25, 0.18, 0.09], [0.2, 0.2, 0.2]][rng.random_range(0..4)]);
-    let frame = smooth([[0.3, 0.02, 0.02], [0.02, 0.02, 0.02], [0.05, 0.12, 0.3], [0.4, 0.4, 0.4]][rng.random_range(0..4)], 0.3);
-    [matt(skin), top, trousers, shoes, hair, frame, smooth([0.015, 0.015, 0.015], 0.8), metal(0.5, 0.35)].into()
+    let hair = matt(
+        [[0.015, 0.012, 0.010], [0.06, 0.035, 0.02], [0.25, 0.18, 0.09], [0.2, 0.2, 0.2]]
+            [rng.random_range(0..4)],
+    );
+    let frame = smooth(
+        [[0.3, 0.02, 0.02], [0.02, 0.02, 0.02], [0.05, 0.12, 0.3], [0.4, 0.4, 0.4]]
+            [rng.random_range(0..4)],
+        0.3,
+    );
+    [
+        matt(skin),
+        top,
+        trousers,
+        shoes,
+        hair,
+        frame,
+        smooth([0.015, 0.015, 0.015], 0.8),
+        metal(0.5, 0.35),
+    ]
+    .into()
 }
 
 /// Somebody who rides a bicycle along z.
@@ -88,7 +113,14 @@ pub(crate) fn cyclist(seed: u64) -> Prop {
     }
     let (rear, front, crank) = (p(0.0, -0.34, -0.52), p(0.0, -0.34, 0.52), p(0.0, -0.30, -0.05));
     let (seat, bar) = (p(0.0, -0.95, -0.20), p(0.0, -0.98, 0.40));
-    for (a, b) in [(rear, crank), (rear, seat), (crank, seat), (crank, bar), (seat + V::y() * 0.12, bar), (front, bar)] {
+    for (a, b) in [
+        (rear, crank),
+        (rear, seat),
+        (crank, seat),
+        (crank, bar),
+        (seat + V::y() * 0.12, bar),
+        (front, bar),
+    ] {
         shape.tube([a, b], [0.018, 0.018], 5, FRAME);
     }
     shape.tube([bar - V::x() * 0.28, bar + V::x() * 0.28], [0.014, 0.014], 5, 6);

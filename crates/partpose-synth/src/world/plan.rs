@@ -138,9 +138,24 @@ fn urban(vary: Vary, duration: f64) -> Plan {
     let half = 0.5 * LANE;
     let lanes = vec![
         Lane { right: half, speed, gap: 7.4, empty: 0.35, heavy: 0.06, ..NOBODY },
-        Lane { right: -half, forward: false, speed: speed * 0.9, gap: 7.6, delay: 1.4, empty: 0.35, heavy: 0.06, ..NOBODY },
+        Lane {
+            right: -half,
+            forward: false,
+            speed: speed * 0.9,
+            gap: 7.6,
+            delay: 1.4,
+            empty: 0.35,
+            heavy: 0.06,
+            ..NOBODY
+        },
         Lane { right: LANE + 1.15, gap: vary(21, 5.9, 6.6), empty: vary(22, 0.12, 0.45), ..NOBODY },
-        Lane { right: -LANE - 1.15, forward: false, gap: vary(23, 5.9, 6.6), empty: vary(24, 0.08, 0.3), ..NOBODY },
+        Lane {
+            right: -LANE - 1.15,
+            forward: false,
+            gap: vary(23, 5.9, 6.6),
+            empty: vary(24, 0.08, 0.3),
+            ..NOBODY
+        },
     ];
     one_road(path, lanes)
 }
@@ -173,9 +188,22 @@ fn intersection(vary: Vary) -> Plan {
         heavy: 0.05,
         ..NOBODY
     };
-    let waiting = |right: f64, forward: bool, within: [f64; 2]| Lane { right, forward, gap: 6.8, empty: 0.15, within, ..NOBODY };
+    let waiting = |right: f64, forward: bool, within: [f64; 2]| Lane {
+        right,
+        forward,
+        gap: 6.8,
+        empty: 0.15,
+        within,
+        ..NOBODY
+    };
     let beyond = [CROSSING + 2.0 * LANE + 6.5, 90.0];
-    let parked = |right: f64, forward: bool| Lane { right, forward, empty: 0.25, within: [CROSSING + 28.0, 130.0], ..NOBODY };
+    let parked = |right: f64, forward: bool| Lane {
+        right,
+        forward,
+        empty: 0.25,
+        within: [CROSSING + 28.0, 130.0],
+        ..NOBODY
+    };
     let lanes = vec![
         // The near right lane of the crossing road belongs to those who turn; the others go straight on.
         (2, Lane { speed: busy(1), gap: 8.0, delay: 1.5, empty: 0.3, ..NOBODY }),
@@ -197,7 +225,16 @@ fn forest(vary: Vary, duration: f64) -> Plan {
     let half = 0.5 * LANE;
     let lanes = vec![
         Lane { right: half, speed, gap: 7.6, delay: 1.25, empty: 0.25, heavy: 0.04, ..NOBODY },
-        Lane { right: -half, forward: false, speed: speed * 1.05, gap: 20.0, delay: 1.8, empty: 0.3, heavy: 0.08, ..NOBODY },
+        Lane {
+            right: -half,
+            forward: false,
+            speed: speed * 1.05,
+            gap: 20.0,
+            delay: 1.8,
+            empty: 0.3,
+            heavy: 0.08,
+            ..NOBODY
+        },
     ];
     one_road(path, lanes)
 }

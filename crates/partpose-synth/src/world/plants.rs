@@ -108,7 +108,12 @@ fn fir_crown(shape: &mut Shape, rng: &mut ChaCha8Rng, height: f32) {
             let far = reach * rng.random_range(0.85_f32..1.1);
             let (near, tip) = (p(0.0, y, 0.0), p(0.0, y + drop, 0.0) + out * far);
             let half = 0.30 * far + 0.15;
-            let corners = [near - side * (half * 0.4), near + side * (half * 0.4), tip + side * half, tip - side * half];
+            let corners = [
+                near - side * (half * 0.4),
+                near + side * (half * 0.4),
+                tip + side * half,
+                tip - side * half,
+            ];
             shape.panel(corners, [i as f32, tier as f32 * 3.0], -V::y() + out * 0.3, 1);
         }
     }
@@ -169,7 +174,12 @@ pub(crate) fn tuft(seed: u64) -> Prop {
         let at = p(rng.random_range(-0.4_f32..0.4), 0.0, rng.random_range(-0.4_f32..0.4));
         let side = V::new(c, 0.0, s) * rng.random_range(0.10_f32..0.25);
         let up = V::new(rng.random_range(-0.1_f32..0.1), -rng.random_range(0.2_f32..0.5), 0.0);
-        shape.panel([at - side, at + side, at + side + up, at - side + up], [0.0, 0.0], V::new(-s, -0.2, c), 1);
+        shape.panel(
+            [at - side, at + side, at + side + up, at - side + up],
+            [0.0, 0.0],
+            V::new(-s, -0.2, c),
+            1,
+        );
     }
     let dry = rng.random_range(0.0_f32..1.0);
     let blade = [0.06 + 0.10 * dry, 0.11 + 0.05 * dry, 0.025 + 0.02 * dry];
@@ -188,7 +198,12 @@ fn card(shape: &mut Shape, rng: &mut ChaCha8Rng, center: P, out: V, half: f32) {
     let v = normal.cross(&u);
     // Their own place in the pattern, so that no two cards are alike.
     let start = [rng.random_range(0.0_f32..50.0), rng.random_range(0.0_f32..50.0)];
-    let corners = [center - (u + v) * half, center + (u - v) * half, center + (u + v) * half, center - (u - v) * half];
+    let corners = [
+        center - (u + v) * half,
+        center + (u - v) * half,
+        center + (u + v) * half,
+        center - (u - v) * half,
+    ];
     shape.leaf_card(corners, start, out, 1);
 }
 

@@ -15,11 +15,7 @@ use crate::scene::Object;
 #[derive(Clone, Debug)]
 pub(crate) enum Candidate {
     /// A vehicle with part labels.
-    Vehicle {
-        vehicle: Vehicle,
-        place: Place,
-        track: u32,
-    },
+    Vehicle { vehicle: Vehicle, place: Place, track: u32 },
     /// Anything else that moves.
     Other(Object),
 }
@@ -30,7 +26,13 @@ const APART: f64 = 14.0;
 const AHEAD: f64 = 90.0;
 
 /// People on the pavements beside the camera's road, cyclists at its edge, people who cross before the camera.
-pub(crate) fn walkers(plan: &Plan, scenery: &Scenery, seed: u64, own: f64, time: f64) -> Vec<Object> {
+pub(crate) fn walkers(
+    plan: &Plan,
+    scenery: &Scenery,
+    seed: u64,
+    own: f64,
+    time: f64,
+) -> Vec<Object> {
     let mut people = Vec::new();
     let path = &plan.paths[0];
     let Some((edge, front)) = scenery.pavement() else { return people };
@@ -50,8 +52,10 @@ pub(crate) fn walkers(plan: &Plan, scenery: &Scenery, seed: u64, own: f64, time:
             if scenery.is_open(s) {
                 continue;
             }
-            let prop = &catalog.people[hash(seed, &[0x3a5, line, index]) as usize % catalog.people.len()];
-            let turn = if way > 0.0 { 0.0 } else { std::f64::consts::PI } + 0.4 * (own(0x3a6) - 0.5);
+            let prop =
+                &catalog.people[hash(seed, &[0x3a5, line, index]) as usize % catalog.people.len()];
+            let turn =
+                if way > 0.0 { 0.0 } else { std::f64::consts::PI } + 0.4 * (own(0x3a6) - 0.5);
             let scale = 0.92 + 0.13 * own(0x3a7);
             let pose = upright(&path.beside(s, right), crossroads::pavement_height(), turn);
             people.push(prop.object(pose, nalgebra::Vector3::new(scale, scale, scale)));

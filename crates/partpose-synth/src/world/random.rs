@@ -31,7 +31,13 @@ mod tests {
 
     #[test]
     fn every_word_and_their_order_count() {
-        let all = [hash(1, &[2, 3]), hash(1, &[3, 2]), hash(2, &[2, 3]), hash(1, &[2]), hash(1, &[2, 3, 0])];
+        let all = [
+            hash(1, &[2, 3]),
+            hash(1, &[3, 2]),
+            hash(2, &[2, 3]),
+            hash(1, &[2]),
+            hash(1, &[2, 3, 0]),
+        ];
         for (i, one) in all.iter().enumerate() {
             assert!(all[i + 1..].iter().all(|other| other != one));
         }

@@ -127,9 +127,10 @@ impl Layout {
     /// How far along the path a camera is.
     pub(crate) fn along(&self, world_from_camera: &Pose) -> f64 {
         let at = Point3::from(world_from_camera.translation.vector);
-        let nearest = self.stations.iter().min_by(|a, b| {
-            (a.2 - at).norm_squared().total_cmp(&(b.2 - at).norm_squared())
-        });
+        let nearest = self
+            .stations
+            .iter()
+            .min_by(|a, b| (a.2 - at).norm_squared().total_cmp(&(b.2 - at).norm_squared()));
         nearest.map_or(0.0, |(_, along, _)| *along)
     }
 
@@ -146,12 +147,15 @@ impl Layout {
             }
             let mesh = label.model.as_deref().unwrap_or_default();
             let words = [0x4e1, i64::from(number)];
-            let Some(vehicle) = fleet.like(seed, &words, mesh, &label.category, label.cuboid.extent) else {
+            let Some(vehicle) =
+                fleet.like(seed, &words, mesh, &label.category, label.cuboid.extent)
+            else {
                 continue;
             };
             let world_from_vehicle = world_from_camera * label.cuboid.camera_from_vehicle;
             let moving = self.moves(index, label, &world_from_vehicle);
-            let place = Place { index: i64::from(number), world_from_vehicle, moving, braking: false };
+            let place =
+                Place { index: i64::from(number), world_from_vehicle, moving, braking: false };
             found.push(Candidate::Vehicle { vehicle, place, track: number });
         }
         found

@@ -32,10 +32,17 @@ pub(crate) fn grounds() -> [Material; 9] {
         asphalt([0.105, 0.105, 0.108]),
         Material { roughness: 0.7, ..noisy([0.62, 0.62, 0.60], [0.34, 0.34, 0.33], 0.35) },
         asphalt([0.060, 0.060, 0.062]),
-        Material { metallic: 0.6, roughness: 0.6, ..noisy([0.11, 0.10, 0.095], [0.05, 0.045, 0.04], 0.05) },
+        Material {
+            metallic: 0.6,
+            roughness: 0.6,
+            ..noisy([0.11, 0.10, 0.095], [0.05, 0.045, 0.04], 0.05)
+        },
         textured([0.062, 0.082, 0.030], Texture::Grass),
         textured([0.27, 0.26, 0.25], Texture::Slabs { size: [0.4, 0.4], joint: 0.008 }),
-        Material { roughness: 0.85, ..textured([0.34, 0.335, 0.32], Texture::Slabs { size: [1.0, 0.3], joint: 0.008 }) },
+        Material {
+            roughness: 0.85,
+            ..textured([0.34, 0.335, 0.32], Texture::Slabs { size: [1.0, 0.3], joint: 0.008 })
+        },
         noisy([0.060, 0.050, 0.030], [0.030, 0.042, 0.018], 1.4),
         Material { dirt: 0.2, ..noisy([0.24, 0.22, 0.19], [0.15, 0.14, 0.12], 0.15) },
     ]

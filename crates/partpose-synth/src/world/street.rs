@@ -54,7 +54,10 @@ pub(crate) fn ribbon(
             let point = |(s, pose): (&f64, &Pose)| {
                 let at = pose * Point3::new(right, -up - lift(*s, right), 0.0);
                 // The start keeps small numbers in the texture, which f32 cannot hold for a path of kilometres.
-                (at.cast::<f32>(), [(s - start) as f32 + (start.rem_euclid(1000.0)) as f32, across as f32])
+                (
+                    at.cast::<f32>(),
+                    [(s - start) as f32 + (start.rem_euclid(1000.0)) as f32, across as f32],
+                )
             };
             lengths.iter().zip(&poses).map(point).collect()
         };
@@ -65,7 +68,8 @@ pub(crate) fn ribbon(
         } else {
             -V::y()
         };
-        let [a, b] = if upright { [strip.from[1], strip.to[1]] } else { [strip.from[0], strip.to[0]] };
+        let [a, b] =
+            if upright { [strip.from[1], strip.to[1]] } else { [strip.from[0], strip.to[0]] };
         shape.strip([&line(strip.from, a), &line(strip.to, b)], out, strip.material);
     }
     let (materials, class) = look;

@@ -72,12 +72,25 @@ impl Lane {
 
     /// Place of a vehicle along its direction of travel.
     pub(crate) fn along(&self, seed: u64, index: i64, time: f64) -> f64 {
-        let own = if index == 0 { 0.0 } else { 2.0 * unit(seed, &[0x71, i64::from(self.number), index]) - 1.0 };
-        self.start + self.progress(seed, time + index as f64 * self.delay) + index as f64 * self.gap + own * self.jitter
+        let own = if index == 0 {
+            0.0
+        } else {
+            2.0 * unit(seed, &[0x71, i64::from(self.number), index]) - 1.0
+        };
+        self.start
+            + self.progress(seed, time + index as f64 * self.delay)
+            + index as f64 * self.gap
+            + own * self.jitter
     }
 
     /// Everybody within a stretch of the path at a time. Whether a place is taken is for [`Self::is_taken`] to say.
-    pub(crate) fn places(&self, path: &Path, seed: u64, time: f64, stretch: [f64; 2]) -> Vec<Place> {
+    pub(crate) fn places(
+        &self,
+        path: &Path,
+        seed: u64,
+        time: f64,
+        stretch: [f64; 2],
+    ) -> Vec<Place> {
         let stretch = [stretch[0].max(self.within[0]), stretch[1].min(self.within[1])];
         if stretch[0] >= stretch[1] {
             return Vec::new();
@@ -139,7 +152,9 @@ impl Lane {
     pub(crate) fn is_taken(&self, seed: u64, index: i64) -> bool {
         let crowded = self.gap + self.speed * self.delay * (1.0 - SWING) < 17.0;
         unit(seed, &[0x3e, i64::from(self.number), index]) >= self.empty
-            && !(crowded && !self.is_heavy(seed, index) && (self.is_heavy(seed, index - 1) || self.is_heavy(seed, index + 1)))
+            && !(crowded
+                && !self.is_heavy(seed, index)
+                && (self.is_heavy(seed, index - 1) || self.is_heavy(seed, index + 1)))
     }
 
     /// The number of a vehicle among all of its world: a track.

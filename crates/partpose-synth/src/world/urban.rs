@@ -52,14 +52,26 @@ pub(crate) fn carriageway(site: &mut Site, range: [f64; 2], kerb: f64) {
         let right = rng.random_range(-kerb + 1.0..kerb - 1.5);
         let wide = rng.random_range(0.5..1.6);
         if inside(s) && inside(s + long) {
-            site.ground([s, s + long], 2.0, &[flat(right, right + wide, 0.004, PATCH)], &level, SegmentClass::Road);
+            site.ground(
+                [s, s + long],
+                2.0,
+                &[flat(right, right + wide, 0.004, PATCH)],
+                &level,
+                SegmentClass::Road,
+            );
         }
     }
     for _ in 0..rng.random_range(1..3) {
         let s = rng.random_range(site.range[0]..site.range[1] - 1.0);
         let right = rng.random_range(-kerb + 0.5..kerb - 0.5);
         if inside(s) && inside(s + 0.6) {
-            site.ground([s, s + 0.6], 1.0, &[flat(right - 0.3, right + 0.3, 0.006, IRON)], &level, SegmentClass::Road);
+            site.ground(
+                [s, s + 0.6],
+                1.0,
+                &[flat(right - 0.3, right + 0.3, 0.006, IRON)],
+                &level,
+                SegmentClass::Road,
+            );
         }
     }
 }
@@ -72,7 +84,13 @@ fn center_line(site: &mut Site, range: [f64; 2]) {
     for side in [-1.0, 1.0] {
         for dash in dashes(range, 0.8, 6.3) {
             let at = side * (LANE + 0.1);
-            site.ground(dash, 3.0, &[flat(at - 0.05, at + 0.05, 0.008, PAINT)], &level, SegmentClass::Road);
+            site.ground(
+                dash,
+                3.0,
+                &[flat(at - 0.05, at + 0.05, 0.008, PAINT)],
+                &level,
+                SegmentClass::Road,
+            );
         }
     }
 }
@@ -84,8 +102,18 @@ pub(crate) fn pavements(site: &mut Site, range: [f64; 2], profile: Profile) {
         let at = |metres: f64| side * metres;
         strips.push(riser(at(profile.kerb), 0.0, KERB_HEIGHT, KERB));
         strips.push(flat(at(profile.kerb), at(profile.kerb + 0.15), KERB_HEIGHT, KERB));
-        strips.push(flat(at(profile.kerb + 0.15), at(profile.front + 0.5), KERB_HEIGHT + 0.005, PAVEMENT));
-        strips.push(flat(at(profile.front + 0.5), at(profile.front + 40.0), KERB_HEIGHT - 0.02, GRASS));
+        strips.push(flat(
+            at(profile.kerb + 0.15),
+            at(profile.front + 0.5),
+            KERB_HEIGHT + 0.005,
+            PAVEMENT,
+        ));
+        strips.push(flat(
+            at(profile.front + 0.5),
+            at(profile.front + 40.0),
+            KERB_HEIGHT - 0.02,
+            GRASS,
+        ));
     }
     site.ground(range, 4.0, &strips, &level, SegmentClass::Terrain);
 }
@@ -113,11 +141,13 @@ pub(crate) fn rows_of_houses(site: &mut Site, range: [f64; 2], profile: Profile,
                 garden(site, [middle, width], *side, profile);
                 continue;
             }
-            let kind = House { width: width as f32, depth: rng.random_range(9.0_f32..13.0), storeys };
+            let kind =
+                House { width: width as f32, depth: rng.random_range(9.0_f32..13.0), storeys };
             let prop = house(seed, &kind);
             site.put(&prop, [middle, right, KERB_HEIGHT], turn, 1.0);
             if setback > 2.0 {
-                let hedge = site.catalog.hedges[storeys as usize % site.catalog.hedges.len()].clone();
+                let hedge =
+                    site.catalog.hedges[storeys as usize % site.catalog.hedges.len()].clone();
                 for i in 0..(width / 4.0) as i32 {
                     let at = from + 2.0 + 4.0 * f64::from(i);
                     site.put(&hedge, [at, side * (profile.front + 0.5), KERB_HEIGHT], 0.0, 1.0);
@@ -142,7 +172,12 @@ fn garden(site: &mut Site, [middle, width]: [f64; 2], side: f64, profile: Profil
         let tree = &catalog.street_trees[rng.random_range(0..catalog.street_trees.len())];
         site.put(tree, [at, right, 0.0], rng.random_range(0.0..6.0), rng.random_range(0.8..1.3));
         let bush = &catalog.bushes[rng.random_range(0..catalog.bushes.len())];
-        site.put(bush, [at, side * (profile.front + 1.5), KERB_HEIGHT], rng.random_range(0.0..6.0), 1.2);
+        site.put(
+            bush,
+            [at, side * (profile.front + 1.5), KERB_HEIGHT],
+            rng.random_range(0.0..6.0),
+            1.2,
+        );
     }
 }
 
@@ -169,13 +204,19 @@ pub(crate) fn pavement_things(site: &mut Site, range: [f64; 2], profile: Profile
                     site.put(sign, at, turn, 1.0);
                 }
                 _ if with_trees && rng.random_bool(0.6) => {
-                    let tree = &catalog.street_trees[rng.random_range(0..catalog.street_trees.len())];
+                    let tree =
+                        &catalog.street_trees[rng.random_range(0..catalog.street_trees.len())];
                     site.put(tree, at, rng.random_range(0.0..6.0), rng.random_range(0.65..1.0));
                 }
                 _ => {
                     let bin = &catalog.bins[rng.random_range(0..catalog.bins.len())];
                     if rng.random_bool(0.35) {
-                        site.put(bin, [s, side * (profile.front - 0.7), KERB_HEIGHT], FRAC_PI_2 * rng.random_range(0.9..1.1), 1.0);
+                        site.put(
+                            bin,
+                            [s, side * (profile.front - 0.7), KERB_HEIGHT],
+                            FRAC_PI_2 * rng.random_range(0.9..1.1),
+                            1.0,
+                        );
                     }
                 }
             }
@@ -192,7 +233,12 @@ pub(crate) fn pavement_things(site: &mut Site, range: [f64; 2], profile: Profile
             let board = &catalog.signboards[rng.random_range(0..catalog.signboards.len())];
             let s = rng.random_range(site.range[0]..site.range[1]);
             if s > range[0] && s < range[1] {
-                site.put(board, [s, side * (profile.front - 0.4), KERB_HEIGHT], turn + rng.random_range(0.2..1.2), 0.8);
+                site.put(
+                    board,
+                    [s, side * (profile.front - 0.4), KERB_HEIGHT],
+                    turn + rng.random_range(0.2..1.2),
+                    0.8,
+                );
             }
         }
     }

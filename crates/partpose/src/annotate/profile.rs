@@ -107,6 +107,7 @@ fn resampled(corners: &[[f64; 2]]) -> Vec<[f64; 2]> {
 }
 
 /// The steps of `a` with the places on `b` that they correspond to; some of both may be left over.
+#[expect(clippy::float_cmp, reason = "the same sums in the same order are equal")]
 fn matches(a: &[Step], b: &[Step]) -> Vec<(Step, [f64; 2])> {
     let cost = |i: usize, j: usize| {
         let (p, q) = (&a[i], &b[j]);
@@ -122,10 +123,9 @@ fn matches(a: &[Step], b: &[Step]) -> Vec<(Step, [f64; 2])> {
             if i > 0 && j > 0 {
                 total[at(i, j)] = total[at(i - 1, j - 1)] + cost(i - 1, j - 1);
             }
-            for before in [(i > 0).then(|| at(i - 1, j)), (j > 0).then(|| at(i, j - 1))] {
-                if let Some(before) = before {
-                    total[at(i, j)] = total[at(i, j)].min(total[before] + SKIP);
-                }
+            let before = [(i > 0).then(|| at(i - 1, j)), (j > 0).then(|| at(i, j - 1))];
+            for before in before.into_iter().flatten() {
+                total[at(i, j)] = total[at(i, j)].min(total[before] + SKIP);
             }
         }
     }

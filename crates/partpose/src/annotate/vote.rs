@@ -163,7 +163,9 @@ fn place_key(point: &Point3) -> Key {
 pub(super) fn normalize(ballot: &mut Ballot) {
     let sum: f32 = ballot.iter().sum();
     if sum > 0.0 {
-        ballot.iter_mut().for_each(|value| *value /= sum);
+        for value in &mut *ballot {
+            *value /= sum;
+        }
     }
 }
 

@@ -171,7 +171,8 @@ fn camera(root: &Path) -> Result<Camera, DatasetError> {
     if sizes && focal && center {
         return Ok(camera);
     }
-    Err(failed("its camera has an impossible size, focal length or principal point".to_owned()).into())
+    Err(failed("its camera has an impossible size, focal length or principal point".to_owned())
+        .into())
 }
 
 /// Frame and label of a row of `motgt`.

@@ -118,7 +118,7 @@ impl DenseZoo {
         let mut best = *found.first().ok_or(NoPose::NoStart)?;
         let mut hidden = 0.0;
         if self.options.find_occluders {
-            hidden = self.pass_occluders(&mut work, &mut pyramid, &candidates, &mut best);
+            hidden = Self::pass_occluders(&mut work, &mut pyramid, &candidates, &mut best);
         }
         let best_candidate = &candidates[best.model];
         let view = pyramid.view(LEVELS.len() - 1, best_candidate);
@@ -187,7 +187,6 @@ impl DenseZoo {
 
     /// Fits again without what something unlabelled hides; says how much of the vehicle that is.
     fn pass_occluders(
-        &self,
         work: &mut Workspace,
         pyramid: &mut Pyramid,
         candidates: &[Candidate],

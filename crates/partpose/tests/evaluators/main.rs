@@ -1,5 +1,11 @@
 //! The evaluators against what the public ones print, where the sets are there, and against invented ones.
 
+#![allow(
+    clippy::float_cmp,
+    clippy::format_push_string,
+    clippy::print_stderr,
+    reason = "in tests, integers in floats, small texts and skips are told"
+)]
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail loudly too")]
 
 mod a3dp;

@@ -8,7 +8,7 @@ use partpose::eval::bop::{
     BopFolders, BopRecalls, BopScores, parse_estimates, read_bop, score_bop,
 };
 use partpose::files::{self, RgbImage};
-use partpose::viz::{Axis, Mark, Plot, Series, contact_sheet, plot};
+use partpose::viz::{Axis, Mark, Plot, Series, panels, plot};
 use serde_json::{Value, json};
 
 use super::scores::{self, Places};
@@ -148,5 +148,5 @@ fn picture(scores: &BopScores) -> RgbImage {
             })
         })
         .collect();
-    contact_sheet(&pictures, 2)
+    panels(&pictures, 2)
 }

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use partpose::eval::Table;
 use partpose::eval::coco::{CocoOverlap, CocoScores, CocoSet, read_coco, score_coco};
 use partpose::files::{self, RgbImage};
-use partpose::viz::{Axis, Mark, Plot, Series, contact_sheet, plot};
+use partpose::viz::{Axis, Mark, Plot, Series, panels, plot};
 use serde_json::{Map, Value, json};
 
 use super::scores::{self, Places};
@@ -62,7 +62,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let tables = [table(&scored), category_table(&set, &scored)];
     let pictures: Vec<RgbImage> =
         scored.iter().map(|(name, scores)| picture(name, scores)).collect();
-    let curves = contact_sheet(&pictures, 2);
+    let curves = panels(&pictures, 2);
     scores::write(&places.out, &metrics(&set, &scored), &tables, &curves)?;
     let results: usize = set.images.iter().map(|image| image.results.len()).sum();
     let said = format!("{results} results in {} images", set.images.len());

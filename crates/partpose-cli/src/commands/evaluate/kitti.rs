@@ -5,7 +5,7 @@ use partpose::eval::kitti::{
     Curve, KittiDifficulty, KittiOptions, KittiScores, read_kitti, score_kitti,
 };
 use partpose::files::{self, RgbImage};
-use partpose::viz::{Axis, Mark, Plot, Series, contact_sheet, plot};
+use partpose::viz::{Axis, Mark, Plot, Series, panels, plot};
 use serde_json::{Map, Value, json};
 
 use super::scores::{self, Places};
@@ -138,5 +138,5 @@ fn picture(scored: &[KittiScores]) -> RgbImage {
             }));
         }
     }
-    contact_sheet(&pictures, 3)
+    panels(&pictures, 3)
 }

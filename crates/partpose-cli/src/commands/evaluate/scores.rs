@@ -74,6 +74,7 @@ pub(crate) fn write(
 }
 
 /// Says what was scored; something left out makes the exit code 1.
+#[expect(clippy::unnecessary_wraps, reason = "commands end in it")]
 pub(crate) fn finish(
     out: &Path,
     scored: &str,

@@ -20,6 +20,7 @@ use crate::report::{self, Outcome, hint};
 /// Confidence below which a part is worth a warning.
 const LOW: f64 = 0.6;
 
+#[expect(clippy::option_option, reason = "a flag whose value may be left out")]
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// Model with faces without a part, as `zoo import` writes it

@@ -60,7 +60,7 @@ pub(super) fn data_energy(target: &Target, raster: &Raster) -> f64 {
 #[inline]
 fn is_all(row: &[u8], first: u8) -> bool {
     match row {
-        [a, b] => (*a == first) & (*b == first),
+        [a, b] => *a == first && *b == first,
         [a, b, c, d] => u32::from_le_bytes([*a, *b, *c, *d]) == u32::from(first) * 0x0101_0101,
         _ => row.iter().all(|label| *label == first),
     }

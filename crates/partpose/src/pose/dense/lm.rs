@@ -134,7 +134,9 @@ fn solve(equations: &NormalEquations, count: usize, damping: f64) -> Option<[f64
         return None;
     }
     if size > LARGEST {
-        step.iter_mut().for_each(|value| *value *= LARGEST / size);
+        for value in &mut step {
+            *value *= LARGEST / size;
+        }
     }
     Some(step)
 }

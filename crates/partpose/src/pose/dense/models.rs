@@ -224,9 +224,12 @@ fn promoted(pool: &[Hypothesis], search: &Search, step: usize) -> Vec<Hypothesis
     let mut next: Vec<Hypothesis> = Vec::new();
     for of_own_model in [true, false] {
         for hypothesis in hopeful() {
-            let taken = |other: &Hypothesis| match of_own_model {
-                true => hypothesis.model == other.model,
-                false => hypothesis.repeats(other),
+            let taken = |other: &Hypothesis| {
+                if of_own_model {
+                    hypothesis.model == other.model
+                } else {
+                    hypothesis.repeats(other)
+                }
             };
             if next.len() < search.keep[step] && !next.iter().any(taken) {
                 next.push(*hypothesis);

@@ -88,7 +88,9 @@ impl Target {
                     }
                 }
                 if weight > 0.0 {
-                    sum.iter_mut().for_each(|value| *value /= weight);
+                    for value in &mut sum {
+                        *value /= weight;
+                    }
                 } else {
                     sum[0] = 1.0;
                 }

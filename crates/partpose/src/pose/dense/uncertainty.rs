@@ -1,8 +1,8 @@
 //! How sure the fit is: covariance, probabilities of models and of a second mode, and what speaks against it.
 //!
 //! Cells are no independent witnesses: where a mask is wrong it is wrong over several cells. The covariance is therefore
-//! the sandwich `H^-1 (B + P) H^-1` with `B = sum_cc' rho(|c - c'|) g_c g_c'^T`, g_c a cell's part of the gradient and
-//! rho an exponential (after Huber 1967; White 1980). Errors that all cells share, of the model's shape and of the
+//! the sandwich `H^-1 (B + P) H^-1` with `B = sum rho(|c - d|) g_c g_d^T` over pairs of cells, `g_c` a cell's part of
+//! the gradient and rho an exponential (after Huber 1967; White 1980). Errors that all cells share, of the model's shape and of the
 //! mask's outline, do not show in residuals at all: they enter as a floor.
 
 use nalgebra::{Matrix6, SMatrix, SVector};
