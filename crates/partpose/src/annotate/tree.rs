@@ -22,7 +22,7 @@ pub(super) struct Tree {
     /// Index of each key in the list that the tree was made of.
     order: Vec<u32>,
     /// Axis that each inner node divides, by the order of visits (a heap).
-    axes: Vec<u8>,
+    axes: Vec<(u8, f64)>,
 }
 
 impl Tree {
@@ -64,8 +64,8 @@ impl Tree {
             return;
         }
         let middle = range.start + range.len() / 2;
-        let axis = usize::from(self.axes[node]);
-        let gap = query[axis] - self.keys[middle][axis];
+        let (axis, split) = self.axes[node];
+        let gap = query[usize::from(axis)] - split;
         let halves = [(2 * node + 1, range.start..middle), (2 * node + 2, middle..range.end)];
         let first = usize::from(gap > 0.0);
         let (child, part) = halves[first].clone();
@@ -77,7 +77,7 @@ impl Tree {
     }
 }
 
-fn build(keys: &[Key], order: &mut [u32], node: usize, axes: &mut Vec<u8>) {
+fn build(keys: &[Key], order: &mut [u32], node: usize, axes: &mut Vec<(u8, f64)>) {
     if order.len() <= LEAF {
         return;
     }
@@ -92,9 +92,10 @@ fn build(keys: &[Key], order: &mut [u32], node: usize, axes: &mut Vec<u8>) {
     let value = |index: u32| keys[index as usize][axis];
     order.select_nth_unstable_by(middle, |a, b| value(*a).total_cmp(&value(*b)).then(a.cmp(b)));
     if axes.len() <= node {
-        axes.resize(node + 1, 0);
+        axes.resize(node + 1, (0, 0.0));
     }
-    axes[node] = axis as u8;
+    // By value: the halves are put into another order below.
+    axes[node] = (axis as u8, value(order[middle]));
     let (left, right) = order.split_at_mut(middle);
     build(keys, left, 2 * node + 1, axes);
     build(keys, right, 2 * node + 2, axes);

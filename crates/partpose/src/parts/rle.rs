@@ -366,7 +366,7 @@ mod tests {
 
     #[test]
     fn empty_runs_vanish_when_read() {
-        assert_eq!(read([2, 2], "1102").unwrap().counts(), [1, 1, 2]);
+        assert_eq!(read([2, 2], "112").unwrap().counts(), [1, 1, 2]);
         // 1 outside, 1 inside, none outside, 2 more inside: the fourth count is one more than the second.
         assert_eq!(read([2, 2], "1101").unwrap().counts(), [1, 3]);
     }

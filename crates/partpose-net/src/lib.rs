@@ -1,0 +1,3 @@
+//! The multi-class Mask R-CNN.
+
+pub mod ops;
