@@ -14,10 +14,7 @@ use partpose::eval::{PoseScores, Scored, pose_deviation, score_table, summarize}
 use partpose::files;
 use partpose::formats::{DetectionFile, ResultSettings, image_result, write_detections};
 use partpose::oracle::{Degradation, Oracle, OracleOptions};
-use partpose::pose::{
-    Center2d, Center3d, ExtentSource, NoPose, PartFilters, PnpMethod, PoseEstimate, PoseEstimator,
-    PoseOptions,
-};
+use partpose::pose::{ExtentSource, NoPose, PnpMethod, PoseEstimate, PoseEstimator, PoseOptions};
 use partpose::vehicle::ModelZoo;
 
 use super::result_files::{self, Pictured};
@@ -48,14 +45,7 @@ struct Found {
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let zoo = ModelZoo::embedded();
-    let options = PoseOptions {
-        center_2d: Center2d::Mass,
-        center_3d: Center3d::Visible,
-        method: PnpMethod::Sqpnp,
-        refine: true,
-        filters: PartFilters::default(),
-        ..Default::default()
-    };
+    let options = PoseOptions { method: PnpMethod::Dense, ..Default::default() };
     let estimator = PoseEstimator::new(&zoo, &options);
     let (mut scored, mut accuracies): (Vec<Scored>, Vec<f64>) = Default::default();
     let mut file =
@@ -160,7 +150,7 @@ fn summary(folder: &Path, scores: &PoseScores, accuracies: &[f64]) -> anyhow::Re
         std::env::current_exe().map_or("partpose".to_owned(), |path| path.display().to_string());
     note(format_args!(
         "next: {program} fit --detections {out}/detections.safetensors --camera {out}/camera.toml --zoo {out}/zoo \
-         --fit sqpnp --points-2d cm --points-3d visible --refine --filters none --out {out}/fit"
+         --fit dense --out {out}/fit"
     ));
     Ok(())
 }

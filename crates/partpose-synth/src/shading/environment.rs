@@ -31,12 +31,13 @@ impl Environment {
                 *value = radiance(&direction(x, y, size));
             }
         });
-        let irradiance = project(&finest, size);
         let mut levels = vec![finest];
         while levels.len() < LEVELS {
             let next = halved(&levels[levels.len() - 1], size >> (levels.len() - 1));
             levels.push(next);
         }
+        // The second level has the same light in a quarter of the texels.
+        let irradiance = project(&levels[1], size / 2);
         Self { size, levels, irradiance }
     }
 
@@ -115,12 +116,11 @@ fn halved(texels: &[V], size: usize) -> Vec<V> {
 fn project(texels: &[V], size: usize) -> [V; 9] {
     let mut sums = [V::zeros(); 9];
     let mut all = 0.0;
-    // Every second texel does.
-    for i in (0..size).step_by(2) {
-        for j in (0..size).step_by(2) {
+    for i in 0..size {
+        for j in 0..size {
             let d = direction(j, i, size);
             // Solid angle of an octahedron's texel, up to a factor.
-            let weight = 1.0 / (d.x.abs() + d.y.abs() + d.z.abs()).powi(-3);
+            let weight = (d.x.abs() + d.y.abs() + d.z.abs()).powi(3);
             let value = texels[i * size + j] * weight;
             all += weight;
             let [x, y, z] = [d.x, d.y, d.z];
@@ -148,7 +148,6 @@ mod tests {
     use super::*;
 
     #[test]
-    #[ignore = "fails; the world is in the making"]
     fn a_white_surface_under_an_even_sky_is_as_bright_as_the_sky() {
         let environment = Environment::new(64, |_| V::repeat(1.0));
         for normal in [V::x(), -V::y(), V::z(), V::new(1.0, -1.0, 1.0).normalize()] {

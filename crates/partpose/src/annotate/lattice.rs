@@ -31,8 +31,8 @@ pub(super) struct Lattice {
 }
 
 /// Conjugate gradients stop after this many rounds or when the residual has shrunk by [`SHRINK`].
-const ROUNDS: usize = 120;
-const SHRINK: f64 = 1e-4;
+const ROUNDS: usize = 400;
+const SHRINK: f64 = 1e-6;
 /// Weight of first differences, as a share of the stiffness.
 const SHEAR: f64 = 0.02;
 /// Keeps the system regular.
@@ -164,7 +164,6 @@ mod tests {
     use super::*;
 
     #[test]
-    #[ignore = "fails: the lattice ends 3 mm off; to be looked at"]
     fn a_shift_is_found_from_planes_alone() {
         let mut lattice =
             Lattice::new(Point3::new(0.0, -1.5, -2.0), Point3::new(1.0, 0.0, 2.0), 0.4);

@@ -18,7 +18,7 @@ const STEP: f64 = 0.03;
 /// Half the stretch over which the slope is taken, in steps.
 const SLOPE: usize = 3;
 /// Difference of position that costs as much as [`ANGLE`], metres.
-const PLACE: f64 = 0.35;
+const PLACE: f64 = 0.8;
 /// Difference of slope, radians.
 const ANGLE: f64 = 0.35;
 /// Cost of a step that has no counterpart.
@@ -164,7 +164,6 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "fails at the ends of the windscreen; to be looked at"]
     fn a_windscreen_finds_the_windscreen() {
         let (a, b) = (profile(0.9), profile(0.6));
         for (step, [z, y]) in matches(&a, &b) {

@@ -46,6 +46,9 @@ const LITTLE_EVIDENCE: f64 = 12.0;
 const DOUBT: [f64; 2] = [0.25, 0.12];
 /// Energy per foreground cell above which a fit is flagged as poor.
 const POOR: f64 = 0.25;
+/// How far a vehicle may reach beyond the mask's own outline, as a share of it. Cells end at the box, so the energy
+/// knows nothing of what lies beyond.
+const POOR_OVERSHOOT: f64 = 0.25;
 
 /// What the dense fit supposes of masks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -134,7 +137,8 @@ impl DenseZoo {
         };
         let state = &best.scored.state;
         flag(foreground < LITTLE_EVIDENCE, DenseFlag::LittleEvidence);
-        flag(energy > POOR, DenseFlag::PoorFit);
+        let overshoot = outline.overshoot(&best_candidate.model.vertices, state);
+        flag(energy > POOR || overshoot > POOR_OVERSHOOT, DenseFlag::PoorFit);
         flag(!best.converged, DenseFlag::NotConverged);
         flag(second_mode.is_some_and(|mode| mode.probability > 0.1), DenseFlag::AmbiguousPose);
         let likeliest = model_probabilities.get(best.model).copied().unwrap_or(0.0);
@@ -160,6 +164,7 @@ impl DenseZoo {
                 covariance_with_size: is_free.then_some(covariance),
                 confidence: uncertainty::confidence(
                     energy,
+                    overshoot,
                     &model_probabilities,
                     second_mode.as_ref(),
                 ),

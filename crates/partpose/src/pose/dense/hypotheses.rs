@@ -85,6 +85,25 @@ impl Outline {
         self.trusted.iter().all(|trusted| *trusted)
     }
 
+    /// How far a vehicle reaches beyond the trusted edges, as a share of the outline's width or height; 0 if nowhere.
+    /// `vertices` are in half-extent units.
+    pub(super) fn overshoot(&self, vertices: &[Vector3], state: &State) -> f64 {
+        let [left, top, right, bottom] = self.edges;
+        let sizes = [right - left, bottom - top].map(|size| size.max(1e-9));
+        let mut most = 0.0f64;
+        for vertex in vertices {
+            let p = state.center + state.rotation * vertex.component_mul(&state.half);
+            let inverse = 1.0 / p.z.max(0.1);
+            let seen = [p.x * inverse, p.y * inverse];
+            for side in (0..4).filter(|side| self.trusted[*side]) {
+                let axis = side % 2;
+                let beyond = seen[axis] - self.edges[side];
+                most = most.max(if side < 2 { -beyond } else { beyond } / sizes[axis]);
+            }
+        }
+        most
+    }
+
     /// The vehicle of half-sides `half` turned by `rotation`, placed by its outline. `vertices` are in half-extent
     /// units; `nearer` scales the distance that is supposed where edges do not tell it.
     pub(super) fn place(

@@ -42,7 +42,7 @@ pub(super) struct DenseModel {
     pub(super) extent: Extent,
     meshes: [UnitMesh; 3],
     /// Vertices of the coarsest mesh, half-extent units.
-    vertices: Vec<Vector3>,
+    pub(super) vertices: Vec<Vector3>,
     /// Centres of the parts, half-extent units.
     centers: PartMap<Point3>,
 }
@@ -157,8 +157,8 @@ pub(super) const NARROW: Search = Search {
     scouts: 4,
     headings: 2,
     depths: &[1.0, 0.65, 0.42],
-    keep: [6, 3],
-    hopeless: [1.5, 1.08],
+    keep: [12, 5],
+    hopeless: [2.5, 1.4],
 };
 /// What is searched where that finds nothing good: cut and hidden vehicles, mostly.
 pub(super) const WIDE: Search = Search {

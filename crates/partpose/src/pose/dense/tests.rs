@@ -77,7 +77,7 @@ fn the_flux_agrees_with_central_differences() {
     let slopes: Vec<(usize, u8, [f32; PARAMETERS])> = (0..CELLS * CELLS)
         .flat_map(|cell| work.flux.of_cell(cell).map(move |s| (cell, s.label, s.by)))
         .collect();
-    let steps = [0.02, 0.02, 0.02, 0.03, 0.03, 0.01, 0.04, 0.03, 0.03];
+    let steps = [0.02, 0.02, 0.02, 0.03, 0.03, 0.02, 0.04, 0.03, 0.03];
     for (parameter, step) in steps.into_iter().enumerate() {
         let mut change = [0.0; PARAMETERS];
         let mut at = |sign: f64| {
@@ -100,7 +100,7 @@ fn the_flux_agrees_with_central_differences() {
             }
         }
         let correlation = ab / (aa * bb).sqrt();
-        assert!(correlation > 0.94, "increment {parameter}: {correlation:.3}");
+        assert!(correlation > 0.95, "increment {parameter}: {correlation:.3}");
         let scale = ab / bb;
         assert!((0.85..1.15).contains(&scale), "increment {parameter}: {scale:.3}");
     }

@@ -5,7 +5,7 @@
 //! the gradient and rho an exponential (after Huber 1967; White 1980). Errors that all cells share, of the model's shape and of the
 //! mask's outline, do not show in residuals at all: they enter as a floor.
 
-use nalgebra::{Matrix6, SMatrix, SVector};
+use nalgebra::{Matrix6, SMatrix, SVector, SymmetricEigen};
 
 use crate::geometry::{Extent, Pose};
 
@@ -18,6 +18,9 @@ use super::state::{PARAMETERS, State};
 const CORRELATION: f64 = 4.0;
 /// Factor on the sandwich, found on world 0001 (`docs/dense-fit.md`).
 const INFLATION: f64 = 15.0;
+/// Noise of a cell that is there however well the model fits, as a share of [`NOISE`]: what no edge tells is unsure, not
+/// sure for want of residuals.
+const LEAST_NOISE: f64 = 1e-3;
 /// Standard deviations that no mask takes away: turn (radians), sideways and up as a share of the distance, distance
 /// (logarithm). Found on world 0001 like [`INFLATION`].
 const FLOOR: [f64; 3] = [0.005, 0.0005, 0.003];
@@ -27,6 +30,8 @@ pub(super) const NOISE: f64 = 0.05;
 const TEMPER: f64 = 0.04;
 /// Energy per foreground cell of a fit that is as likely bad as good.
 const EVEN: f64 = 0.25;
+/// The same for how far the vehicle reaches beyond the mask's own outline, as a share of it.
+const EVEN_OVERSHOOT: f64 = 0.25;
 
 /// Another pose that explains the mask, too.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,7 +55,8 @@ pub struct SecondMode {
 pub enum DenseFlag {
     /// Fewer than 12 cells of a 28 x 28 kernel show the vehicle.
     LittleEvidence,
-    /// The drawn model explains the mask badly: energy per foreground cell above 0.25.
+    /// The drawn model explains the mask badly: energy per foreground cell above 0.25, or it reaches beyond the mask's
+    /// own outline by more than a quarter of that.
     PoorFit,
     /// The descent had not arrived when it was stopped.
     NotConverged,
@@ -112,7 +118,9 @@ pub(super) fn covariance(work: &mut Workspace, view: &View, end: &Scored) -> SMa
             hessian[(i, i)] = 1.0;
         }
     }
-    let Some(inverse) = hessian.cholesky().map(|c| c.inverse()) else {
+    spread += hessian * (LEAST_NOISE * view.terms.noise);
+    let inverse = hessian.cholesky().map(|c| c.inverse());
+    let (Some(inverse), Some(spread)) = (inverse, without_negative(spread)) else {
         return SMatrix::from_diagonal_element(f64::INFINITY);
     };
     let mut increments = inverse * spread * inverse;
@@ -129,6 +137,13 @@ pub(super) fn covariance(work: &mut Workspace, view: &View, end: &Scored) -> SMa
         covariance.column_mut(i).fill(0.0);
     }
     0.5 * (covariance + covariance.transpose())
+}
+
+/// The matrix with negative eigenvalues set to 0: correlations that end at some distance may leave some.
+fn without_negative(spread: SMatrix<f64, 9, 9>) -> Option<SMatrix<f64, 9, 9>> {
+    let mut parts = SymmetricEigen::try_new(spread, f64::EPSILON, 1000)?;
+    parts.eigenvalues.apply(|value| *value = value.max(0.0));
+    Some(parts.recompose()).filter(|matrix| matrix.iter().all(|value| value.is_finite()))
 }
 
 /// `sum rho g g^T` over pairs of cells that are not far apart.
@@ -219,8 +234,14 @@ pub(super) fn second_mode(hypotheses: &[Hypothesis], foreground: f64) -> Option<
 }
 
 /// How much a fit trusts itself.
-pub(super) fn confidence(energy: f64, models: &[f64], second: Option<&SecondMode>) -> f64 {
+pub(super) fn confidence(
+    energy: f64,
+    overshoot: f64,
+    models: &[f64],
+    second: Option<&SecondMode>,
+) -> f64 {
     let model = models.iter().copied().fold(0.0, f64::max);
     let mode = second.map_or(1.0, |second| 1.0 - second.probability);
-    model * mode / (1.0 + (energy / EVEN).powi(4))
+    let fits = 1.0 / (1.0 + (energy / EVEN).powi(4));
+    model * mode * fits / (1.0 + (overshoot / EVEN_OVERSHOOT).powi(4))
 }
