@@ -201,7 +201,8 @@ mod tests {
     #[test]
     fn curve_has_a_point_a_score_and_no_ignored_ones() {
         let curve = precision_recall(&frames());
-        let points: Vec<[f64; 3]> = curve.iter().map(|p| [p.score, p.precision, p.recall]).collect();
+        let points: Vec<[f64; 3]> =
+            curve.iter().map(|p| [p.score, p.precision, p.recall]).collect();
         assert_eq!(
             points,
             [[0.9, 1.0, 1.0 / 3.0], [0.8, 0.5, 1.0 / 3.0], [0.7, 2.0 / 3.0, 2.0 / 3.0]]

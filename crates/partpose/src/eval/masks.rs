@@ -53,7 +53,8 @@ impl Confusion {
     /// Adds the pixels of a detection's mask; `truth` is background outside of its rectangle.
     pub fn add_mask(&mut self, predicted: &PartMask, truth: &PartMask) {
         for (was, is) in pairs(predicted, truth) {
-            if let Some(count) = self.counts.get_mut(usize::from(was) * CHANNELS + usize::from(is)) {
+            if let Some(count) = self.counts.get_mut(usize::from(was) * CHANNELS + usize::from(is))
+            {
                 *count += 1;
             }
         }
@@ -153,10 +154,7 @@ fn mean_of(values: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 /// Truth and prediction of every pixel of the predicted mask.
-fn pairs<'a>(
-    predicted: &'a PartMask,
-    truth: &'a PartMask,
-) -> impl Iterator<Item = (u8, u8)> + 'a {
+fn pairs<'a>(predicted: &'a PartMask, truth: &'a PartMask) -> impl Iterator<Item = (u8, u8)> + 'a {
     let [x0, y0] = predicted.origin;
     predicted.rows().zip(y0..).flat_map(move |(row, y)| {
         row.iter().zip(x0..).map(move |(label, x)| (truth.at(x, y), *label))

@@ -68,10 +68,7 @@ impl TruthBoxes {
     /// In Virtual KITTI and in what `partpose synth` writes an annotated box is the projection of the cuboid, clipped
     /// to the image, and so a little larger than what is seen; `bounds` gives another box for a vehicle where one is
     /// meant. A vehicle for which it gives none is ignored where it is annotated.
-    pub fn of_frame(
-        frame: &Frame,
-        bounds: &dyn Fn(usize) -> Option<Rect>,
-    ) -> (Self, Vec<usize>) {
+    pub fn of_frame(frame: &Frame, bounds: &dyn Fn(usize) -> Option<Rect>) -> (Self, Vec<usize>) {
         let mut boxes = Self { counted: Vec::new(), ignored: frame.ignored.clone() };
         let mut vehicles = Vec::new();
         for (index, vehicle) in frame.vehicles.iter().enumerate() {

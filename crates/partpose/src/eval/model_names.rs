@@ -16,8 +16,8 @@ pub struct ModelNames {
 
 impl ModelNames {
     /// The right models of the zoo as indices, the first rule that gives any: those that are given; the model of the
-    /// same name; the models with a body style that the name begins with, whatever the case (`Sedan4Door` is any
-    /// `sedan`). Empty where nobody knows.
+    /// same name; the models whose body style's first word the name begins with, whatever the case (`Sedan4Door` is any
+    /// `sedan`, `Hatchback` a `hatchback-3-door`). Empty where nobody knows.
     pub fn right(&self, name: &str, zoo: &ModelZoo) -> Vec<usize> {
         let those = |is_right: &dyn Fn(&str, &str) -> bool| -> Vec<usize> {
             let models = zoo.models.iter().enumerate();
@@ -34,7 +34,10 @@ impl ModelNames {
             return same;
         }
         let name = name.to_lowercase();
-        those(&|_, style| !style.is_empty() && name.starts_with(&style.to_lowercase()))
+        those(&|_, style| {
+            let word = style.split('-').next().unwrap_or_default().to_lowercase();
+            !word.is_empty() && name.starts_with(&word)
+        })
     }
 
     /// Names among those given that no model of the zoo has.

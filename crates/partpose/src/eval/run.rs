@@ -234,9 +234,7 @@ fn estimate(
         estimate.as_ref().ok().map(|estimate| deviation(frame, vehicle, options, estimate));
     let scaling = configuration.pose.scaling;
     let pixel_accuracy = oracle.map(|oracle| {
-        detection
-            .as_ref()
-            .map_or(0.0, |d| accuracy(oracle, vehicle, d, frame.camera.size, scaling))
+        detection.as_ref().map_or(0.0, |d| accuracy(oracle, vehicle, d, frame.camera.size, scaling))
     });
     VehicleOutcome { vehicle, detection, estimate, scored, pixel_accuracy }
 }
