@@ -9,7 +9,7 @@ mod report;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 /// Six-degree-of-freedom vehicle poses from part masks.
 #[derive(Parser)]
@@ -33,6 +33,8 @@ enum Command {
     Label(commands::label::Arguments),
     /// Make a synthetic labelled data set
     Synth(commands::synth::Arguments),
+    /// Find vehicles and their poses in images
+    Run(commands::run::Arguments),
     /// Turn anybody's detections into poses
     Fit(commands::fit::Arguments),
     /// Write the results of `fit` in other programs' formats
@@ -43,12 +45,17 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let outcome = match Arguments::parse().command {
+    // The paper's fit is the default of `fit`, which reproduces its tables; whoever has an image wants the best.
+    let best = |run: clap::Command| run.mut_arg("fit", |fit| fit.default_value("dense"));
+    let typed = Arguments::command().mut_subcommand("run", best).get_matches();
+    let arguments = Arguments::from_arg_matches(&typed).unwrap_or_else(|error| error.exit());
+    let outcome = match arguments.command {
         Command::Demo(arguments) => commands::demo::run(&arguments),
         Command::Zoo(command) => commands::zoo::run(&command),
         Command::Dataset(command) => commands::dataset::run(&command),
         Command::Label(arguments) => commands::label::run(&arguments),
         Command::Synth(arguments) => commands::synth::run(&arguments),
+        Command::Run(arguments) => commands::run::run(&arguments),
         Command::Fit(arguments) => commands::fit::run(&arguments),
         Command::Export(arguments) => commands::export::run(&arguments),
         Command::Evaluate(command) => commands::evaluate::run(&command),

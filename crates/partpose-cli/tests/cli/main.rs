@@ -5,6 +5,7 @@
 
 mod bad_input;
 mod dataset_check;
+mod evaluate_detections;
 mod evaluate_others;
 mod label;
 mod poses;

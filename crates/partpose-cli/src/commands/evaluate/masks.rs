@@ -46,7 +46,7 @@ pub(crate) struct Arguments {
     /// Folder of the models by which the part masks are told apart by vehicle; the embedded ones if not given
     #[arg(long, value_name = "DIR")]
     zoo: Option<PathBuf>,
-    /// Vehicle of `figure-4.png` as FRAME:TRACK, such as `0001/clone/00012:3`; if not given one that is seen whole
+    /// Vehicle of `figure-4.png` as FRAME:TRACK, such as `0001/clone/00012:3`; if not given one that is hardly hidden
     #[arg(long, value_name = "VEHICLE")]
     vehicle: Option<String>,
     /// Folder for metrics, tables and pictures

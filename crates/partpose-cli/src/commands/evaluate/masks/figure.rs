@@ -15,10 +15,12 @@ use crate::report::{hint, warn_error};
 
 /// Height of the vehicle that is chosen if none is named, pixels: cells of large kernels are still seen.
 const HEIGHT: f64 = 110.0;
+/// Share of its box that a car fills of which nothing is hidden.
+const WHOLE: f64 = 0.75;
 /// Free pixels around the vehicle's box.
 const MARGIN: f64 = 4.0;
 
-/// Writes `figure-4.png`; nothing where no vehicle is seen whole.
+/// Writes `figure-4.png`; nothing where every vehicle is cut by the image's border.
 pub(super) fn write(
     arguments: &Arguments,
     frames: &[Frame],
@@ -115,15 +117,21 @@ fn named<'a>(frames: &'a [Frame], name: &str) -> anyhow::Result<(&'a Frame, usiz
     })
 }
 
-/// The vehicle that is seen whole whose height is nearest to [`HEIGHT`].
+/// The vehicle within the image, as little hidden and as near to [`HEIGHT`] as there is.
 fn typical(frames: &[Frame]) -> Option<(&Frame, usize)> {
     let all = frames.iter().flat_map(|frame| (0..frame.vehicles.len()).map(move |v| (frame, v)));
-    let whole = all.filter(|(frame, vehicle)| {
+    let inside = all.filter(|(frame, vehicle)| {
         let label = &frame.vehicles[*vehicle];
-        !label.dont_care && label.occluded == 0 && label.truncated == 0
+        !label.dont_care && label.truncated == 0
     });
     let distance = |(frame, vehicle): &(&Frame, usize)| {
-        (frame.vehicles[*vehicle].bounds.height() - HEIGHT).abs()
+        let label = &frame.vehicles[*vehicle];
+        // A whole car fills about three quarters of its box; a hidden tenth weighs as much as a fifth of the height.
+        let hidden = match label.occupancy {
+            Some(occupancy) => (WHOLE - occupancy).max(0.0),
+            None => 0.5 * f64::from(label.occluded),
+        };
+        (label.bounds.height() - HEIGHT).abs() / HEIGHT + 2.0 * hidden
     };
-    whole.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    inside.min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
