@@ -117,6 +117,9 @@ pub struct AnchorConfig {
     pub sizes: Vec<f32>,
     /// Width over height.
     pub ratios: Vec<f32>,
+    /// Place of anchors in their cell, as a share of it: 0.5 its middle; 0 its first corner, as the paper's framework and
+    /// torchvision have it.
+    pub offset: f32,
 }
 
 /// Numbers of proposals around non-maximum suppression.
@@ -188,7 +191,7 @@ pub struct BoxConfig {
     pub positive_share: f32,
     /// IoU from which a region is a vehicle's; below it is background.
     pub positive_iou: f32,
-    /// Factors of the encoded centre (x, y) and size (width, height).
+    /// Factors of the encoded centre (x, y) and size (width, height), for proposals and detections.
     pub coder: [f32; 4],
     /// Detections with a lower score are dropped.
     pub score_threshold: f32,
@@ -295,6 +298,7 @@ impl NetConfig {
             anchors: AnchorConfig {
                 sizes: vec![32.0, 64.0, 128.0, 256.0, 512.0],
                 ratios: vec![0.5, 1.0, 2.0],
+                offset: 0.0,
             },
             rpn: RpnConfig {
                 channels: 512,
@@ -337,7 +341,11 @@ impl Default for InputConfig {
 
 impl Default for AnchorConfig {
     fn default() -> Self {
-        Self { sizes: vec![28.0, 56.0, 112.0, 224.0, 448.0], ratios: vec![0.75, 1.5, 3.0] }
+        Self {
+            sizes: vec![28.0, 56.0, 112.0, 224.0, 448.0],
+            ratios: vec![0.75, 1.5, 3.0],
+            offset: 0.5,
+        }
     }
 }
 

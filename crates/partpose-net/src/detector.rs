@@ -33,8 +33,8 @@ pub struct VehicleDetection {
 impl Detector {
     /// Takes a network's weights for inference: without gradients, normalisation folded into the convolutions.
     pub fn new(net: &MaskRcnn) -> Self {
-        let net = net.valid();
-        let device = net.devices().into_iter().next().unwrap_or_default();
+        let net = net.valid().fold();
+        let device = net.rpn.conv.weight.val().device();
         Self { net, device }
     }
 

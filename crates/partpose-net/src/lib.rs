@@ -1,11 +1,22 @@
 //! The multi-class Mask R-CNN.
 
+pub mod anchors;
+pub mod boxes;
 pub mod config;
 pub mod detector;
+pub mod fpn;
+pub mod heads;
 pub mod input;
+pub mod layers;
+pub mod loss;
 pub mod mask_rcnn;
 pub mod ops;
+pub mod resnet;
+pub mod rpn;
+pub mod sampling;
 pub mod target;
+
+mod second_stage;
 
 pub use config::NetConfig;
 pub use detector::{Detector, VehicleDetection};
