@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use burn::Tensor;
 use burn::module::Module;
-use burn::optim::{GradientsParams, MomentumConfig, Optimizer, SgdConfig};
+use burn::optim::momentum::MomentumConfig;
+use burn::optim::{GradientsParams, SgdConfig};
 use burn::tensor::{Device, TensorData};
 use partpose_net::{NetConfig, Target};
 use rand::{RngExt, SeedableRng};
@@ -68,7 +69,7 @@ fn main() {
             let gradients = total.backward();
             let backward = begin.elapsed() - forward;
             let gradients = GradientsParams::from_grads(gradients, &net);
-            net = optimizer.step(0.01.into(), net, gradients);
+            net = optimizer.step(0.01, net, gradients);
             let all = begin.elapsed();
             let value = |t: &Tensor<1>| t.clone().into_scalar::<f32>();
             println!(
