@@ -2,6 +2,7 @@
 
 pub(crate) mod dataset;
 pub(crate) mod demo;
+pub(crate) mod detection_files;
 pub(crate) mod evaluate;
 pub(crate) mod export;
 pub(crate) mod fit;

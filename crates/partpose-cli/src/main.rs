@@ -2,6 +2,7 @@
 
 mod camera;
 mod commands;
+mod network;
 mod pose_flags;
 mod progress;
 mod report;
@@ -36,7 +37,7 @@ enum Command {
     Fit(commands::fit::Arguments),
     /// Write the results of `fit` in other programs' formats
     Export(commands::export::Arguments),
-    /// Score poses and solvers against ground truth
+    /// Score boxes, masks, poses and solvers against ground truth
     #[command(subcommand)]
     Evaluate(commands::evaluate::Command),
 }

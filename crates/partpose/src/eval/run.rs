@@ -1,4 +1,5 @@
-//! Poses of all labelled vehicles of some frames, by the oracle, under several configurations at once.
+//! Poses of all labelled vehicles of some frames under several configurations at once, from detections of the oracle or
+//! from a detector's.
 
 use rayon::prelude::*;
 
@@ -10,6 +11,7 @@ use crate::pose::dense::SizePrior;
 use crate::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator, PoseOptions};
 use crate::vehicle::ModelZoo;
 
+use super::matching::{MatchOptions, TruthBoxes, match_detections};
 use super::{PoseDeviation, Scored, pose_deviation};
 
 /// What is compared: a row of one of the paper's tables.
@@ -47,8 +49,11 @@ pub struct EvaluationOptions<'a> {
     pub extent: TruthExtent,
     /// Which boxes detections get.
     pub bounds: OracleBox,
-    /// Which labelled vehicles of a frame count; rows to ignore and models that the zoo lacks never do.
+    /// Which labelled vehicles of a frame count; rows to ignore never do, nor with the oracle those whose models the zoo
+    /// lacks.
     pub include: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
+    /// Which models of the zoo are right for a label's model name; with none the choice of the model is not judged.
+    pub right_models: &'a (dyn Fn(&str) -> Vec<usize> + Sync),
     /// Whose detections are kept, by frame and index of the configuration, to be drawn; all of them would fill the
     /// memory.
     pub keep_detections: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
@@ -65,8 +70,8 @@ pub struct VehicleOutcome {
     pub estimate: Result<PoseEstimate, NoPose>,
     /// Its deviation from the truth.
     pub scored: Scored,
-    /// The paper's PA of the detection's mask.
-    pub pixel_accuracy: f64,
+    /// The paper's PA of the detection's mask; `None` where the frame has no part mask.
+    pub pixel_accuracy: Option<f64>,
 }
 
 /// What became of the vehicles of one frame: one list a configuration, all of the same vehicles.
@@ -133,13 +138,88 @@ fn evaluate_vehicle(
     oracle: &Oracle,
     (configuration, estimator): (&Configuration, &PoseEstimator),
 ) -> VehicleOutcome {
-    let label = &frame.vehicles[vehicle];
     let oracle_options = OracleOptions {
         kernel: configuration.kernel,
         bounds: options.bounds,
         degradation: configuration.degradation,
     };
     let detection = oracle.detection(vehicle, &oracle_options);
+    estimate(frame, vehicle, options, (detection, Some(oracle)), (configuration, estimator))
+}
+
+/// Evaluates what a detector says of frames: poses of the assigned detections ([`super::matching`]) with at least the
+/// score `min_score`, as in the paper.
+///
+/// `detections` gives those of a frame by its place in the list. A vehicle that is not found has no outcome. Where a
+/// frame has no part mask, pixel accuracies are `None`; the configurations' kernels and degradations have no say.
+pub fn evaluate_detections(
+    frames: &[Frame],
+    detections: &(dyn Fn(usize) -> Vec<Detection> + Sync),
+    min_score: f64,
+    options: &EvaluationOptions,
+    configurations: &[Configuration],
+    progress: Progress,
+) -> Vec<FrameOutcome> {
+    let estimators: Vec<PoseEstimator> = configurations
+        .iter()
+        .map(|configuration| PoseEstimator::new(options.zoo, &configuration.pose))
+        .collect();
+    let one = |(index, frame): (usize, &Frame)| {
+        let found = detections(index).into_iter().filter(|found| found.score >= min_score);
+        let outcome =
+            evaluate_found(frame, &found.collect::<Vec<_>>(), options, configurations, &estimators);
+        progress();
+        outcome
+    };
+    frames.par_iter().enumerate().map(one).collect()
+}
+
+fn evaluate_found(
+    frame: &Frame,
+    detections: &[Detection],
+    options: &EvaluationOptions,
+    configurations: &[Configuration],
+    estimators: &[PoseEstimator],
+) -> FrameOutcome {
+    let (truths, vehicles) = TruthBoxes::of_frame(frame, &|vehicle| {
+        (options.include)(frame, vehicle).then(|| frame.vehicles[vehicle].bounds)
+    });
+    let boxes: Vec<_> = detections.iter().map(|found| (found.bounds, found.score)).collect();
+    let verdicts = match_detections(&boxes, &truths, &MatchOptions::default());
+    let mut assigned: Vec<(usize, &Detection)> = verdicts
+        .iter()
+        .zip(detections)
+        .filter_map(|(verdict, detection)| Some((vehicles[verdict.truth()?], detection)))
+        .collect();
+    if assigned.is_empty() {
+        return Ok(vec![Vec::new(); configurations.len()]);
+    }
+    assigned.sort_by_key(|(vehicle, _)| *vehicle);
+    let oracle = match &frame.parts {
+        Some(_) => Some(Oracle::new(frame, frame.read_parts()?, options.zoo)),
+        None => None,
+    };
+    let run = |(index, pair): (usize, (&Configuration, &PoseEstimator))| {
+        let keep = (options.keep_detections)(frame, index);
+        let one = |(vehicle, detection): &(usize, &Detection)| {
+            let found = (Some((*detection).clone()), oracle.as_ref());
+            let outcome = estimate(frame, *vehicle, options, found, pair);
+            VehicleOutcome { detection: outcome.detection.filter(|_| keep), ..outcome }
+        };
+        assigned.iter().map(one).collect()
+    };
+    Ok(configurations.iter().zip(estimators).enumerate().map(run).collect())
+}
+
+/// The pose of a detection and its scores; `oracle` knows the true part mask.
+fn estimate(
+    frame: &Frame,
+    vehicle: usize,
+    options: &EvaluationOptions,
+    (detection, oracle): (Option<Detection>, Option<&Oracle>),
+    (configuration, estimator): (&Configuration, &PoseEstimator),
+) -> VehicleOutcome {
+    let label = &frame.vehicles[vehicle];
     let extent = match options.extent {
         TruthExtent::PerAxis => ExtentSource::Given(label.cuboid.extent),
         TruthExtent::Uniform => ExtentSource::GivenUniform(label.cuboid.extent),
@@ -150,18 +230,26 @@ fn evaluate_vehicle(
         Some(detection) => estimator.estimate(&frame.camera, detection, &extent),
         None => Err(NoPose::TooFewCorrespondences { found: 0, seen: 0 }),
     };
-    let scored = estimate.as_ref().ok().map(|estimate| deviation(frame, vehicle, estimate));
+    let scored =
+        estimate.as_ref().ok().map(|estimate| deviation(frame, vehicle, options, estimate));
     let scaling = configuration.pose.scaling;
-    let pixel_accuracy = detection
-        .as_ref()
-        .map_or(0.0, |d| accuracy(oracle, vehicle, d, frame.camera.size, scaling));
+    let pixel_accuracy = oracle.map(|oracle| {
+        detection.as_ref().map_or(0.0, |d| accuracy(oracle, vehicle, d, frame.camera.size, scaling))
+    });
     VehicleOutcome { vehicle, detection, estimate, scored, pixel_accuracy }
 }
 
-fn deviation(frame: &Frame, vehicle: usize, estimate: &PoseEstimate) -> PoseDeviation {
+fn deviation(
+    frame: &Frame,
+    vehicle: usize,
+    options: &EvaluationOptions,
+    estimate: &PoseEstimate,
+) -> PoseDeviation {
     let label = &frame.vehicles[vehicle];
-    let is_right = label.model.as_deref() == Some(estimate.model.as_str());
-    pose_deviation(&estimate.cuboid(), &label.cuboid, is_right)
+    let right = label.model.as_deref().map_or(Vec::new(), options.right_models);
+    let is_right = right.contains(&estimate.model_index);
+    let deviation = pose_deviation(&estimate.cuboid(), &label.cuboid, is_right);
+    PoseDeviation { model_is_right: (!right.is_empty()).then_some(is_right), ..deviation }
 }
 
 /// The paper's PA: right pixels of the detection box at image resolution, background included.

@@ -61,6 +61,16 @@ pub(crate) fn write(
     tables: &[Table],
     curves: &RgbImage,
 ) -> anyhow::Result<()> {
+    files::write_png(&out.join("curves.png"), curves)?;
+    write_tables(out, metrics, tables)
+}
+
+/// The same without curves.
+pub(crate) fn write_tables(
+    out: &Path,
+    metrics: &serde_json::Value,
+    tables: &[Table],
+) -> anyhow::Result<()> {
     let json = serde_json::to_string_pretty(metrics).context("the metrics are no JSON")?;
     files::write(&out.join("metrics.json"), json.as_bytes())?;
     let text = tables.iter().map(Table::to_markdown).collect::<Vec<_>>().join("\n");
@@ -69,7 +79,6 @@ pub(crate) fn write(
         let name = format!("table-{}.csv", index + 1);
         files::write(&out.join(name), table.to_csv().as_bytes())?;
     }
-    files::write_png(&out.join("curves.png"), curves)?;
     report::data(&text)
 }
 

@@ -7,7 +7,7 @@ use partpose::files;
 use partpose::pose::dense::MaskBias;
 use partpose::vehicle::ModelZoo;
 
-use super::{Arguments, frames};
+use super::{Arguments, Needs, selection};
 use crate::report::{hint, note, warn};
 
 /// Every how many frames a mask is measured: neighbours say the same.
@@ -21,14 +21,15 @@ pub(super) fn measure(
     fold: Option<Fold>,
     include: &(dyn Fn(&Frame, usize) -> bool + Sync),
 ) -> anyhow::Result<MaskBias> {
-    let evaluated = frames::sequences(arguments, dataset)?;
-    let sequences = frames::sequences_of(&arguments.mask_bias, arguments, dataset)?;
+    let evaluated = arguments.selection.sequences(dataset, arguments.oracle)?;
+    let sequences =
+        arguments.selection.sequences_of(&arguments.mask_bias, dataset, arguments.oracle)?;
     if fold.is_none() && sequences.iter().any(|sequence| evaluated.contains(sequence)) {
         warn(
             "the mask bias is measured on frames that are evaluated, too: name other worlds, or a fold",
         );
     }
-    let (frames, _) = frames::read(dataset, &sequences, STRIDE)?;
+    let (frames, _) = selection::read(dataset, &sequences, STRIDE, Needs::PartMask)?;
     let bias = measure_mask_bias(&frames, zoo, include).ok_or_else(|| {
         hint(
             anyhow::anyhow!("too few vehicles to measure the mask bias on"),
