@@ -10,4 +10,6 @@ pub(crate) mod label;
 pub(crate) mod provenance;
 pub(crate) mod result_files;
 pub(crate) mod synth;
+pub(crate) mod train;
+pub(crate) mod weights;
 pub(crate) mod zoo;

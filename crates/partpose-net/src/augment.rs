@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::boxes::{area, clipped};
-use crate::config::InputConfig;
+use crate::config::NetConfig;
 use crate::sample::{Sample, SampleVehicle};
 use crate::target::{IGNORED_OWNER, NO_OWNER, Target};
 
@@ -163,19 +163,20 @@ pub fn training_image(
     sample: &Sample,
     view: &View,
     padded: [usize; 2],
-    (config, input): (&AugmentConfig, &InputConfig),
+    (config, net): (&AugmentConfig, &NetConfig),
     rng: &mut ChaCha8Rng,
 ) -> TrainingImage {
     let mut pixels = resampled(sample, view);
     change_colors(&mut pixels, view.size, &config.color, rng);
     let mut values = vec![0.0; 3 * padded[0] * padded[1]];
+    let input = &net.input;
     for (i, rgb) in pixels.chunks_exact(3).enumerate() {
         let at = i / view.size[0] * padded[0] + i % view.size[0];
         for c in 0..3 {
             values[c * padded[0] * padded[1] + at] = (rgb[c] - input.mean[c]) / input.deviation[c];
         }
     }
-    TrainingImage { name: sample.name.clone(), values, target: target(sample, view, config) }
+    TrainingImage { name: sample.name.clone(), values, target: target(sample, view, (config, net)) }
 }
 
 /// Which pixels of the sample a place on an axis of the view averages, with their weights: a triangle as wide as what a
@@ -231,7 +232,11 @@ fn resampled(sample: &Sample, view: &View) -> Vec<f32> {
 const LEAST_PIXELS: usize = 16;
 
 /// Boxes and labels of what a view shows.
-fn target(sample: &Sample, view: &View, config: &AugmentConfig) -> Target {
+fn target(
+    sample: &Sample,
+    view: &View,
+    (config, net): (&AugmentConfig, &NetConfig),
+) -> Target {
     let swap = swaps(view.flip);
     let [width, height] = sample.image.size.map(|side| side as usize);
     let nearest = |axis: usize, length: usize| -> Vec<usize> {
@@ -256,7 +261,13 @@ fn target(sample: &Sample, view: &View, config: &AugmentConfig) -> Target {
             && pixels[i + 1] >= LEAST_PIXELS;
         if vehicle.learn && enough {
             target.boxes.push(seen);
-            target.extents.push(vehicle.extent);
+            if net.extents {
+                target.extents.push(vehicle.extent);
+            }
+            if !net.models.is_empty() {
+                let own = vehicle.model.as_ref();
+                target.models.push(own.and_then(|own| net.models.iter().position(|m| m == own)));
+            }
             renamed[i + 1] = target.boxes.len() as u16;
         } else {
             renamed[i + 1] = IGNORED_OWNER;
@@ -432,8 +443,8 @@ pub(crate) mod tests {
     #[test]
     fn a_flip_moves_box_and_pixels_and_exchanges_left_and_right() {
         let config = AugmentConfig::flips_only();
-        let straight = target(&sample(), &whole(false), &config);
-        let flipped = target(&sample(), &whole(true), &config);
+        let straight = target(&sample(), &whole(false), (&config, &NetConfig::default()));
+        let flipped = target(&sample(), &whole(true), (&config, &NetConfig::default()));
         assert_eq!(straight.boxes, [[10.0, 10.0, 40.0, 30.0]]);
         assert_eq!(flipped.boxes, [[20.0, 10.0, 50.0, 30.0]]);
         // The left of the flipped vehicle was its right, whose door is now a left one.
@@ -447,7 +458,7 @@ pub(crate) mod tests {
     #[test]
     fn scaled_views_keep_box_labels_and_picture_together() {
         let view = View { origin: [5.0, 5.0], scale: 2.0, flip: false, size: [100, 60] };
-        let target = target(&sample(), &view, &AugmentConfig::flips_only());
+        let target = target(&sample(), &view, (&AugmentConfig::flips_only(), &NetConfig::default()));
         assert_eq!(target.boxes, [[10.0, 10.0, 70.0, 50.0]]);
         let inside = |x: usize, y: usize| target.owner[y * 100 + x] == 1;
         assert!(inside(10, 10) && inside(69, 49) && !inside(9, 10) && !inside(70, 49));
@@ -461,7 +472,7 @@ pub(crate) mod tests {
     #[test]
     fn what_is_hardly_in_view_is_neither_example_nor_background() {
         let view = View { origin: [36.0, 0.0], scale: 1.0, flip: false, size: [24, 40] };
-        let target = target(&sample(), &view, &AugmentConfig::default());
+        let target = target(&sample(), &view, (&AugmentConfig::default(), &NetConfig::default()));
         assert!(target.boxes.is_empty());
         assert_eq!(target.ignore, [[0.0, 10.0, 4.0, 30.0]]);
         assert_eq!(target.owner[20 * 24], IGNORED_OWNER);
@@ -471,12 +482,12 @@ pub(crate) mod tests {
     fn chosen_views_show_the_vehicle_and_the_same_seed_the_same_image() {
         let sample = sample();
         let config = AugmentConfig { around_vehicle: 1.0, ..AugmentConfig::default() };
-        let input = InputConfig::default();
+        let net = NetConfig::default();
         for seed in 0..50 {
             let image = |seed| {
                 let mut rng = ChaCha8Rng::seed_from_u64(seed);
                 let view = choose_view(&sample, [32, 32], [0.5, 2.0], &config, &mut rng);
-                training_image(&sample, &view, [32, 32], (&config, &input), &mut rng)
+                training_image(&sample, &view, [32, 32], (&config, &net), &mut rng)
             };
             let image = (image(seed), image(seed));
             assert_eq!(image.0, image.1);

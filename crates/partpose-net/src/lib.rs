@@ -9,7 +9,6 @@ pub mod curves;
 pub mod detector;
 pub mod fpn;
 pub mod heads;
-pub mod import;
 pub mod input;
 pub mod layers;
 pub mod loader;
