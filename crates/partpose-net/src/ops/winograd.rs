@@ -285,30 +285,12 @@ impl<const INPUT: bool> WithSimd for Forth<'_, INPUT> {
                 }
             }
             for first in (0..columns).step_by(S::F32_LANES) {
-                let at = |place: usize| {
-                    let (vectors, _) =
-                        S::as_simd_f32s(&tiles[place * columns + first..][..S::F32_LANES]);
-                    vectors[0]
-                };
-                let points = if INPUT {
-                    let half = [0, 1, 2, 3, 4, 5].map(|x| {
-                        points_from_input(simd, [0, 1, 2, 3, 4, 5].map(|y| at(y * IN + x)))
-                    });
-                    [0, 1, 2, 3, 4, 5]
-                        .map(|y| points_from_input(simd, half.map(|column| column[y])))
+                let to = &mut result[channel * columns + first..];
+                let from = &tiles[first..];
+                if INPUT {
+                    tile_of_input(simd, from, columns, to, step);
                 } else {
-                    let half = [0, 1, 2, 3]
-                        .map(|x| points_from_output(simd, [0, 1, 2, 3].map(|y| at(y * OUT + x))));
-                    [0, 1, 2, 3, 4, 5]
-                        .map(|y| points_from_output(simd, half.map(|column| column[y])))
-                };
-                for (y, row) in points.into_iter().enumerate() {
-                    for (x, value) in row.into_iter().enumerate() {
-                        let place = (y * IN + x) * step + channel * columns + first;
-                        let (vectors, _) =
-                            S::as_mut_simd_f32s(&mut result[place..][..S::F32_LANES]);
-                        vectors[0] = value;
-                    }
+                    tile_of_output(simd, from, columns, to, step);
                 }
             }
         }
@@ -339,10 +321,11 @@ fn spread(
         out[to..].fill(0.0);
         if from < to {
             let line = &line[from * OUT + x - padding..];
-            let whole = line.chunks_exact(OUT);
-            let count = (to - from).min(whole.len());
             let out = &mut out[from..to];
-            out.iter_mut().zip(whole).for_each(|(out, chunk)| *out = chunk[0]);
+            let count = out.len().min(line.len() / OUT);
+            for (out, chunk) in out[..count].iter_mut().zip(line.chunks_exact(OUT)) {
+                *out = chunk[0];
+            }
             if count < out.len() {
                 out[count] = line[count * OUT];
             }
@@ -350,51 +333,141 @@ fn spread(
     }
 }
 
+// What follows is written without closures: only plain functions are sure to be compiled for the chosen vectors.
+
+/// A vector from the beginning of a slice.
+#[inline(always)]
+fn load<S: Simd>(_: S, from: &[f32]) -> S::f32s {
+    S::as_simd_f32s(&from[..S::F32_LANES]).0[0]
+}
+
+#[inline(always)]
+fn store<S: Simd>(_: S, to: &mut [f32], value: S::f32s) {
+    S::as_mut_simd_f32s(&mut to[..S::F32_LANES]).0[0] = value;
+}
+
+/// `factor * value + plus`.
+#[inline(always)]
+fn times<S: Simd>(simd: S, factor: f32, value: S::f32s, plus: S::f32s) -> S::f32s {
+    simd.mul_add_f32s(simd.splat_f32s(factor), value, plus)
+}
+
+/// Transforms as many tiles as a vector holds; elements lie `columns` apart, points `step`.
+#[inline(always)]
+fn tile_of_input<S: Simd>(simd: S, from: &[f32], columns: usize, to: &mut [f32], step: usize) {
+    let mut half = [[simd.splat_f32s(0.0); IN]; IN];
+    for x in 0..IN {
+        let mut column = [simd.splat_f32s(0.0); IN];
+        for y in 0..IN {
+            column[y] = load(simd, &from[(y * IN + x) * columns..]);
+        }
+        let points = points_from_input(simd, column);
+        for y in 0..IN {
+            half[y][x] = points[y];
+        }
+    }
+    for y in 0..IN {
+        let points = points_from_input(simd, half[y]);
+        for x in 0..IN {
+            store(simd, &mut to[(y * IN + x) * step..], points[x]);
+        }
+    }
+}
+
+/// The same for tiles of the output's gradient.
+#[inline(always)]
+fn tile_of_output<S: Simd>(simd: S, from: &[f32], columns: usize, to: &mut [f32], step: usize) {
+    let mut half = [[simd.splat_f32s(0.0); OUT]; IN];
+    for x in 0..OUT {
+        let mut column = [simd.splat_f32s(0.0); OUT];
+        for y in 0..OUT {
+            column[y] = load(simd, &from[(y * OUT + x) * columns..]);
+        }
+        let points = points_from_output(simd, column);
+        for y in 0..IN {
+            half[y][x] = points[y];
+        }
+    }
+    for y in 0..IN {
+        let points = points_from_output(simd, half[y]);
+        for x in 0..IN {
+            store(simd, &mut to[(y * IN + x) * step..], points[x]);
+        }
+    }
+}
+
+/// Back from points, `step` apart, to elements, `columns` apart.
+#[inline(always)]
+fn tile_from_points<S: Simd>(
+    simd: S,
+    (from, step): (&[f32], usize),
+    bias: S::f32s,
+    (to, columns): (&mut [f32], usize),
+) {
+    let mut half = [[simd.splat_f32s(0.0); IN]; OUT];
+    for x in 0..IN {
+        let mut column = [simd.splat_f32s(0.0); IN];
+        for y in 0..IN {
+            column[y] = load(simd, &from[(y * IN + x) * step..]);
+        }
+        let values = output_from_points(simd, column);
+        for y in 0..OUT {
+            half[y][x] = values[y];
+        }
+    }
+    for y in 0..OUT {
+        let values = output_from_points(simd, half[y]);
+        for x in 0..OUT {
+            let value = simd.add_f32s(values[x], bias);
+            store(simd, &mut to[(y * OUT + x) * columns..], value);
+        }
+    }
+}
+
 #[inline(always)]
 fn points_from_input<S: Simd>(simd: S, d: [S::f32s; IN]) -> [S::f32s; IN] {
-    let times = |factor: f32, value, plus| simd.mul_add_f32s(simd.splat_f32s(factor), value, plus);
-    let zero = simd.splat_f32s(0.0);
-    let a = times(-4.0, d[2], d[4]);
-    let b = times(-4.0, d[1], d[3]);
+    let a = times(simd, -4.0, d[2], d[4]);
+    let b = times(simd, -4.0, d[1], d[3]);
     let c = simd.sub_f32s(d[4], d[2]);
     let e = simd.sub_f32s(d[3], d[1]);
     [
-        times(4.0, d[0], times(-5.0, d[2], d[4])),
+        times(simd, 4.0, d[0], times(simd, -5.0, d[2], d[4])),
         simd.add_f32s(a, b),
         simd.sub_f32s(a, b),
-        times(2.0, e, c),
-        times(-2.0, e, c),
-        times(4.0, d[1], times(-5.0, d[3], simd.add_f32s(d[5], zero))),
+        times(simd, 2.0, e, c),
+        times(simd, -2.0, e, c),
+        times(simd, 4.0, d[1], times(simd, -5.0, d[3], d[5])),
     ]
 }
 
 /// The transpose of [`output_from_points`].
 #[inline(always)]
 fn points_from_output<S: Simd>(simd: S, y: [S::f32s; OUT]) -> [S::f32s; IN] {
-    let times = |factor: f32, value, plus| simd.mul_add_f32s(simd.splat_f32s(factor), value, plus);
-    let [even, odd] = [simd.add_f32s(y[0], y[2]), simd.add_f32s(y[1], y[3])];
-    let far_even = times(4.0, y[2], y[0]);
-    let far_odd = times(4.0, y[3], y[1]);
+    let even = simd.add_f32s(y[0], y[2]);
+    let odd = simd.add_f32s(y[1], y[3]);
+    let far_even = times(simd, 4.0, y[2], y[0]);
+    let far_odd = times(simd, 4.0, y[3], y[1]);
     [
         y[0],
         simd.add_f32s(even, odd),
         simd.sub_f32s(even, odd),
-        times(2.0, far_odd, far_even),
-        times(-2.0, far_odd, far_even),
+        times(simd, 2.0, far_odd, far_even),
+        times(simd, -2.0, far_odd, far_even),
         y[3],
     ]
 }
 
 #[inline(always)]
 fn output_from_points<S: Simd>(simd: S, m: [S::f32s; IN]) -> [S::f32s; OUT] {
-    let times = |factor: f32, value, plus| simd.mul_add_f32s(simd.splat_f32s(factor), value, plus);
-    let [sum, difference] = [simd.add_f32s(m[1], m[2]), simd.sub_f32s(m[1], m[2])];
-    let [far_sum, far_difference] = [simd.add_f32s(m[3], m[4]), simd.sub_f32s(m[3], m[4])];
+    let sum = simd.add_f32s(m[1], m[2]);
+    let difference = simd.sub_f32s(m[1], m[2]);
+    let far_sum = simd.add_f32s(m[3], m[4]);
+    let far_difference = simd.sub_f32s(m[3], m[4]);
     [
         simd.add_f32s(m[0], simd.add_f32s(sum, far_sum)),
-        times(2.0, far_difference, difference),
-        times(4.0, far_sum, sum),
-        times(8.0, far_difference, simd.add_f32s(difference, m[5])),
+        times(simd, 2.0, far_difference, difference),
+        times(simd, 4.0, far_sum, sum),
+        times(simd, 8.0, far_difference, simd.add_f32s(difference, m[5])),
     ]
 }
 
@@ -421,19 +494,9 @@ impl WithSimd for Back<'_, '_> {
         for channel in 0..s.out_channels {
             let bias = simd.splat_f32s(finish.bias.map_or(0.0, |bias| bias[channel]));
             for first in (0..columns).step_by(S::F32_LANES) {
-                let at = |place: usize| {
-                    let from = &outputs[place * step + channel * columns + first..][..S::F32_LANES];
-                    S::as_simd_f32s(from).0[0]
-                };
-                let half = [0, 1, 2, 3, 4, 5]
-                    .map(|x| output_from_points(simd, [0, 1, 2, 3, 4, 5].map(|y| at(y * IN + x))));
-                for y in 0..OUT {
-                    let row = output_from_points(simd, half.map(|column| column[y]));
-                    for (x, value) in row.into_iter().enumerate() {
-                        let to = &mut tiles[(y * OUT + x) * columns + first..][..S::F32_LANES];
-                        S::as_mut_simd_f32s(to).0[0] = simd.add_f32s(value, bias);
-                    }
-                }
+                let from = &outputs[channel * columns + first..];
+                let to = &mut tiles[first..];
+                tile_from_points(simd, (from, step), bias, (to, columns));
             }
             for (i, (piece, image, row)) in block.rows().enumerate() {
                 let start = block.pieces[piece].first * OUT;
@@ -441,17 +504,22 @@ impl WithSimd for Back<'_, '_> {
                 for dy in 0..OUT.min(height - row * OUT) {
                     let y = row * OUT + dy;
                     let out = &mut target[(y - start) * width..][..width];
-                    let from = |x: usize| {
-                        &tiles[(dy * OUT + x) * columns + i * block.across..][..block.across]
-                    };
-                    gather([from(0), from(1), from(2), from(3)], out);
+                    gather(
+                        &tiles[dy * OUT * columns..],
+                        columns,
+                        [i * block.across, block.across],
+                        out,
+                    );
                     if let Some(residual) = finish.residual {
                         let at = ((image * s.out_channels + channel) * height + y) * width;
-                        let residual = &residual[at..][..width];
-                        out.iter_mut().zip(residual).for_each(|(out, value)| *out += value);
+                        for (out, value) in out.iter_mut().zip(&residual[at..][..width]) {
+                            *out += value;
+                        }
                     }
                     if finish.relu {
-                        out.iter_mut().for_each(|out| *out = out.max(0.0));
+                        for out in out {
+                            *out = if *out > 0.0 { *out } else { 0.0 };
+                        }
                     }
                 }
             }
@@ -459,17 +527,22 @@ impl WithSimd for Back<'_, '_> {
     }
 }
 
-/// Columns of tiles side by side: element `x` of tile `t` to `out[4 * t + x]`.
+/// Columns of tiles side by side: element `x` of tile `t`, at `from[x * columns + t]`, to `out[4 * t + x]`.
 #[inline(always)]
-fn gather(from: [&[f32]; OUT], out: &mut [f32]) {
+fn gather(from: &[f32], columns: usize, [first, across]: [usize; 2], out: &mut [f32]) {
+    let a = &from[first..][..across];
+    let b = &from[columns + first..][..across];
+    let c = &from[2 * columns + first..][..across];
+    let d = &from[3 * columns + first..][..across];
     let whole = out.len() / OUT;
-    let [a, b, c, d] = from;
-    let places = out.chunks_exact_mut(OUT);
-    for ((((out, a), b), c), d) in places.zip(a).zip(b).zip(c).zip(d) {
-        out.copy_from_slice(&[*a, *b, *c, *d]);
+    for (t, out) in out[..whole * OUT].chunks_exact_mut(OUT).enumerate() {
+        out[0] = a[t];
+        out[1] = b[t];
+        out[2] = c[t];
+        out[3] = d[t];
     }
     for (x, out) in out[whole * OUT..].iter_mut().enumerate() {
-        *out = from[x][whole];
+        *out = from[x * columns + first + whole];
     }
 }
 
