@@ -11,6 +11,8 @@ pub mod resize;
 pub mod roi_align;
 
 mod apply;
+mod vector;
+mod winograd;
 
 pub use attach::attach;
 pub use conv::{ConvOptions, conv2d};

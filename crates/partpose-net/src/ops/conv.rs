@@ -14,6 +14,7 @@ use partpose_kernels::{Matrix, MatrixMut, multiply};
 use rayon::prelude::*;
 
 use super::apply::{Backwards, Kernel, Output, View, apply};
+use super::winograd;
 
 /// Columns of a tile, about.
 const TILE: usize = 768;
@@ -192,6 +193,28 @@ impl ConvShape {
 
 /// `[batch, out_channels, out height, out width]`.
 pub fn forward(input: &[f32], weight: &[f32], finish: Finish<'_>, s: &ConvShape) -> Vec<f32> {
+    if winograd::suits(s) {
+        winograd::forward(input, weight, finish, s)
+    } else {
+        forward_plain(input, weight, finish, s)
+    }
+}
+
+/// Gradient of the weights, shaped like them.
+pub fn backward_weight(input: &[f32], gradient: &[f32], s: &ConvShape) -> Vec<f32> {
+    if winograd::suits(s) {
+        winograd::backward_weight(input, gradient, s)
+    } else {
+        backward_weight_plain(input, gradient, s)
+    }
+}
+
+pub(super) fn forward_plain(
+    input: &[f32],
+    weight: &[f32],
+    finish: Finish<'_>,
+    s: &ConvShape,
+) -> Vec<f32> {
     let [in_area, out_area] = s.areas();
     let depth = s.depth();
     let mut output = vec![0.0; s.batch * s.out_channels * out_area];
@@ -237,8 +260,7 @@ pub fn forward(input: &[f32], weight: &[f32], finish: Finish<'_>, s: &ConvShape)
     output
 }
 
-/// Gradient of the weights, shaped like them.
-pub fn backward_weight(input: &[f32], gradient: &[f32], s: &ConvShape) -> Vec<f32> {
+pub(super) fn backward_weight_plain(input: &[f32], gradient: &[f32], s: &ConvShape) -> Vec<f32> {
     let [in_area, out_area] = s.areas();
     let (depth, width, rows) = (s.depth(), s.out_size()[1], s.tile_rows());
     if out_area == 0 {
