@@ -12,4 +12,6 @@ pub(crate) mod provenance;
 pub(crate) mod result_files;
 pub(crate) mod run;
 pub(crate) mod synth;
+pub(crate) mod train;
+pub(crate) mod weights;
 pub(crate) mod zoo;

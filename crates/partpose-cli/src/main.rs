@@ -39,6 +39,11 @@ enum Command {
     Fit(commands::fit::Arguments),
     /// Write the results of `fit` in other programs' formats
     Export(commands::export::Arguments),
+    /// Train a network
+    Train(commands::train::Arguments),
+    /// Convert and inspect a network's weights
+    #[command(subcommand)]
+    Weights(commands::weights::Command),
     /// Score boxes, masks, poses and solvers against ground truth
     #[command(subcommand)]
     Evaluate(commands::evaluate::Command),
@@ -58,6 +63,8 @@ fn main() -> ExitCode {
         Command::Run(arguments) => commands::run::run(&arguments),
         Command::Fit(arguments) => commands::fit::run(&arguments),
         Command::Export(arguments) => commands::export::run(&arguments),
+        Command::Train(arguments) => commands::train::run(&arguments),
+        Command::Weights(command) => commands::weights::run(&command),
         Command::Evaluate(command) => commands::evaluate::run(&command),
     };
     report::exit_code(outcome)

@@ -1,3 +1,35 @@
 //! The multi-class Mask R-CNN.
 
+pub mod anchors;
+pub mod augment;
+pub mod boxes;
+pub mod checkpoint;
+pub mod config;
+pub mod curves;
+pub mod detector;
+pub mod fpn;
+pub mod heads;
+pub mod input;
+pub mod layers;
+pub mod loader;
+pub mod loss;
+pub mod mask_rcnn;
 pub mod ops;
+pub mod optimizer;
+pub mod resnet;
+pub mod rpn;
+pub mod sample;
+pub mod sampling;
+pub mod schedule;
+pub mod target;
+pub mod train;
+pub mod training;
+pub mod validation;
+pub mod weights;
+
+mod second_stage;
+
+pub use config::NetConfig;
+pub use detector::{Detector, VehicleDetection};
+pub use mask_rcnn::{Losses, MaskRcnn, RawDetection};
+pub use target::Target;
