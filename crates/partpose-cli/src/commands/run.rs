@@ -74,7 +74,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     // What was typed is checked before the network is made ready.
     let inputs = inputs::collect(&arguments.images, arguments.shard)?;
     let network = Network::load(arguments.weights.as_deref())?;
-    run_with(arguments, &inputs, &network.name, &mut |image| network.detect(image))
+    run_with(arguments, &inputs, &network.identity, &mut |image| network.detect(image))
 }
 
 /// The detector: an image to what it shows.

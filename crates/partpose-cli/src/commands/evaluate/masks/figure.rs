@@ -11,7 +11,7 @@ use partpose::viz::{MaskCell, mask_grid};
 
 use super::{Arguments, SCALINGS};
 use crate::commands::evaluate::source::{Source, best_match};
-use crate::report::{hint, warn_error};
+use crate::report::{hint, warn, warn_error};
 
 /// Height of the vehicle that is chosen if none is named, pixels: cells of large kernels are still seen.
 const HEIGHT: f64 = 110.0;
@@ -32,7 +32,13 @@ pub(super) fn write(
         None => typical(frames),
     };
     let Some((frame, vehicle)) = chosen else { return Ok(()) };
-    let oracle = Oracle::new(frame, frame.read_parts()?, zoo);
+    let oracle = match frame.read_parts() {
+        Ok(parts) => Oracle::new(frame, parts, zoo),
+        Err(error) => {
+            warn_error("drew no `figure-4.png`", &error);
+            return Ok(());
+        }
+    };
     let image = match frame.image.as_deref().map(files::read_rgb).transpose() {
         Ok(image) => image,
         Err(error) => {
@@ -43,7 +49,13 @@ pub(super) fn write(
     let bounds = frame.vehicles[vehicle].bounds;
     let mut found: Vec<(String, Detection)> = Vec::new();
     for source in sources {
-        let detections = source.detect_one(frame, &oracle)?;
+        let detections = match source.detect_one(frame, &oracle) {
+            Ok(detections) => detections,
+            Err(error) => {
+                warn(format_args!("`{}` is not in `figure-4.png`: {error:#}", source.name));
+                continue;
+            }
+        };
         if let Some(detection) = best_match(&detections, &bounds) {
             let m = detection.probabilities.size();
             let name = if source.is_oracle() {
