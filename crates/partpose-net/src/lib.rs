@@ -2,6 +2,7 @@
 
 pub mod anchors;
 pub mod augment;
+pub mod balance;
 pub mod boxes;
 pub mod checkpoint;
 pub mod config;
@@ -9,6 +10,7 @@ pub mod curves;
 pub mod detector;
 pub mod fpn;
 pub mod heads;
+pub mod import;
 pub mod input;
 pub mod layers;
 pub mod loader;
