@@ -3,7 +3,7 @@
 //!
 //! Transparency is put on black, as most viewers show it; 16 bits become 8, grey three equal channels, CMYK RGB by its
 //! decoder. The turn that the camera notes down is applied. Of EXIF (CIPA DC-008, *Exchangeable image file format*) only
-//! the tag *FocalLengthIn35mmFilm* is read.
+//! the tag `FocalLengthIn35mmFilm` is read.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -17,7 +17,7 @@ use super::{FileError, MAX_IMAGE_ALLOC, MAX_IMAGE_SIDE, RgbImage, read};
 const FILM_DIAGONAL: f64 = 43.266_615;
 /// Tag of the pointer to the EXIF block.
 const EXIF_BLOCK: u16 = 0x8769;
-/// Tag *FocalLengthIn35mmFilm*, millimetres.
+/// Tag `FocalLengthIn35mmFilm`, millimetres.
 const FOCAL_35MM: u16 = 0xa405;
 
 /// An upright picture and what its file says of the camera.

@@ -47,31 +47,8 @@ pub(super) fn write(
         }
     };
     let bounds = frame.vehicles[vehicle].bounds;
-    let mut found: Vec<(String, Detection)> = Vec::new();
-    for source in sources {
-        let detections = match source.detect_one(frame, &oracle) {
-            Ok(detections) => detections,
-            Err(error) => {
-                warn(format_args!("`{}` is not in `figure-4.png`: {error:#}", source.name));
-                continue;
-            }
-        };
-        if let Some(detection) = best_match(&detections, &bounds) {
-            let m = detection.probabilities.size();
-            let name = if source.is_oracle() {
-                source.name.clone()
-            } else {
-                format!("{}, {m} x {m}", source.name)
-            };
-            found.push((name, detection.clone()));
-        }
-    }
-    let around = found.iter().fold(bounds, |around, (_, detection)| Rect {
-        x_min: around.x_min.min(detection.bounds.x_min),
-        y_min: around.y_min.min(detection.bounds.y_min),
-        x_max: around.x_max.max(detection.bounds.x_max),
-        y_max: around.y_max.max(detection.bounds.y_max),
-    });
+    let found = find(sources, frame, &oracle, &bounds);
+    let around = around(&bounds, &found);
     let [width, height] = frame.camera.size.map(f64::from);
     let low = |value: f64| (value - MARGIN).max(0.0).floor() as i32;
     let high = |value: f64, most: f64| (value + MARGIN).min(most).ceil() as i32;
@@ -109,6 +86,45 @@ pub(super) fn write(
         format!("{}{track}: part masks by kernel and scaling, pixel accuracy", frame.name());
     let picture = mask_grid(&title, image.as_ref(), pixels, &rows);
     Ok(files::write_png(&arguments.out.join("figure-4.png"), &picture)?)
+}
+
+/// What every source says of the vehicle in the box, with its name.
+fn find(
+    sources: &[Source],
+    frame: &Frame,
+    oracle: &Oracle,
+    bounds: &Rect,
+) -> Vec<(String, Detection)> {
+    let mut found = Vec::new();
+    for source in sources {
+        let detections = match source.detect_one(frame, oracle) {
+            Ok(detections) => detections,
+            Err(error) => {
+                warn(format_args!("`{}` is not in `figure-4.png`: {error:#}", source.name));
+                continue;
+            }
+        };
+        if let Some(detection) = best_match(&detections, bounds) {
+            let m = detection.probabilities.size();
+            let name = if source.is_oracle() {
+                source.name.clone()
+            } else {
+                format!("{}, {m} x {m}", source.name)
+            };
+            found.push((name, detection.clone()));
+        }
+    }
+    found
+}
+
+/// The rectangle around a box and the boxes of detections.
+fn around(bounds: &Rect, found: &[(String, Detection)]) -> Rect {
+    found.iter().fold(*bounds, |around, (_, detection)| Rect {
+        x_min: around.x_min.min(detection.bounds.x_min),
+        y_min: around.y_min.min(detection.bounds.y_min),
+        x_max: around.x_max.max(detection.bounds.x_max),
+        y_max: around.y_max.max(detection.bounds.y_max),
+    })
 }
 
 /// The vehicle FRAME:TRACK.
