@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::rows::{self, FrameRows};
 use super::sequences::PlannedWorld;
-use super::{SynthError, SynthOptions, fragments};
+use super::{Effect, SynthError, SynthOptions, effects, fragments};
 use crate::camera::{CameraEffects, photograph};
 use crate::shading::{self, Rendered};
 use crate::world::{CameraOptions, Moment, Variation, World, hash};
@@ -29,7 +29,10 @@ pub(super) fn write(
     variation: Variation,
     options: &SynthOptions,
 ) -> Result<(), SynthError> {
-    let moment = world.moment(index, options.interval, variation);
+    let mut moment = world.moment(index, options.interval, variation);
+    if !options.effects.contains(&Effect::Fog) {
+        moment.scene.air.fog = 0.0;
+    }
     let rendered = shading::render(&moment.scene, &options.render);
     let file = |archive: &str| {
         out.join(archive).join(&id.world).join(&id.variation).join(format!("{index:05}.png"))
@@ -81,11 +84,8 @@ fn photographed(
 ) -> RgbImage {
     let words: Vec<i64> = id.to_string().bytes().map(i64::from).collect();
     let seed = hash(options.seed, &words);
-    let effects = if options.effects {
-        CameraEffects::random(&mut ChaCha8Rng::seed_from_u64(seed), moment.scene.air.rain)
-    } else {
-        CameraEffects::default()
-    };
+    let camera = CameraEffects::random(&mut ChaCha8Rng::seed_from_u64(seed), moment.scene.air.rain);
+    let effects = effects::only(&options.effects, camera);
     let seed = hash(seed, &[i64::from(index)]);
     let image = photograph(&moment.scene, rendered, &effects, seed);
     RgbImage { size: [image.width(), image.height()], pixels: image.into_raw() }
