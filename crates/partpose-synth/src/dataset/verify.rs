@@ -1,8 +1,9 @@
 //! Whether the labels of a data set agree with each other: parts, segmentation, cuboids, and labels made anew.
 //!
 //! Three claims are checked pixel by pixel. Whatever the segmentation calls a vehicle with a row in the tables carries a
-//! part, and nothing else does. Every such pixel lies on the vehicle's reprojected cuboid. And the labels that the
-//! labelling pipeline makes from the written rows, models and segmentation are those that were drawn.
+//! part, and nothing else does. Every such pixel lies on the vehicle's reprojected cuboid, but for its mirrors: a cuboid
+//! has the width of the body. And the labels that the labelling pipeline makes from the written rows, models and
+//! segmentation are those that were drawn.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,6 +13,7 @@ use partpose::dataset::{Dataset, Frame, SegmentColor, SequenceId};
 use partpose::files::{self, RgbImage};
 use partpose::geometry::{Camera, Cuboid};
 use partpose::labeling::{LabelOptions, ModelChoice, Segmentation, Zoos, label_frame};
+use partpose::parts::PartClass;
 use partpose::render::LabelRenderer;
 use partpose::vehicle::ModelZoo;
 use rayon::prelude::*;
@@ -32,7 +34,7 @@ pub struct Verified {
     pub without_part: u64,
     /// Pixels with a part that the segmentation gives to something else.
     pub stray: u64,
-    /// Pixels of vehicles that lie beside their reprojected cuboid.
+    /// Pixels of vehicles, but for mirrors, that lie beside their reprojected cuboid.
     pub outside: u64,
     /// Pixels where labels made anew, with the segmentation, show another part or none.
     pub relabelled: u64,
@@ -103,6 +105,9 @@ fn frame(
         };
         found.vehicle += 1;
         found.without_part += u64::from(*part == 0);
+        if PartClass::from_id(*part).is_some_and(is_mirror) {
+            continue;
+        }
         let pixel = Point2::new((at % width) as f64, (at / width) as f64);
         let cuboid = &frame.vehicles[*owner].cuboid;
         found.outside += u64::from(!is_on(cuboid, &frame.camera, pixel));
@@ -117,6 +122,10 @@ fn frame(
     found.relabelled = differing(segmentation.as_ref())?;
     found.relabelled_blind = differing(None)?;
     Ok(found)
+}
+
+fn is_mirror(part: PartClass) -> bool {
+    matches!(part, PartClass::MirrorLeft | PartClass::MirrorRight)
 }
 
 /// The vehicle of every pixel, by its position in the frame.

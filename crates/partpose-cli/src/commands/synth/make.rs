@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use partpose::vehicle::ModelZoo;
+use partpose::vehicle::{ModelZoo, VehicleModel};
 use partpose_synth::dataset::{Effect, Progress, SynthOptions, write};
 use partpose_synth::shading::RenderOptions;
 use partpose_synth::world::{CameraOptions, SceneKind, Variation};
@@ -53,6 +53,9 @@ pub(super) struct Arguments {
     /// Models of the vehicles, a folder of `.glb` files [default: those that come with the program]
     #[arg(long, value_name = "ZOO")]
     zoo: Option<PathBuf>,
+    /// Use these models alone, by their names, separated by commas [default: all cars and vans]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    models: Vec<String>,
     #[command(flatten)]
     camera: CameraArguments,
     /// Take camera path and vehicles from the clones of a data set; for comparison only, since what
@@ -106,7 +109,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     // Whoever asks for no other command has to name it.
     let out = arguments.out.as_deref().unwrap_or(Path::new(""));
     let options = options(arguments)?;
-    let zoo = arguments.zoo.as_deref().map_or_else(|| Ok(ModelZoo::embedded()), ModelZoo::load)?;
+    let zoo = zoo(arguments)?;
     let bar = progress::bar("drawing", 0);
     let summary = write(out, &zoo, &options, &|progress| match progress {
         Progress::Total(frames) => bar.set_length(frames as u64),
@@ -123,6 +126,21 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         out.display()
     ));
     Ok(Outcome::Done)
+}
+
+fn zoo(arguments: &Arguments) -> anyhow::Result<ModelZoo> {
+    let all = arguments.zoo.as_deref().map_or_else(|| Ok(ModelZoo::embedded()), ModelZoo::load)?;
+    if arguments.models.is_empty() {
+        return Ok(all);
+    }
+    if let Some(name) = arguments.models.iter().find(|name| all.get(name).is_none()) {
+        return Err(hint(
+            anyhow::anyhow!("there is no model `{name}`"),
+            "`partpose zoo list` lists the models that come with the program",
+        ));
+    }
+    let named = |model: &VehicleModel| arguments.models.iter().any(|name| name == model.name());
+    Ok(ModelZoo { models: all.models.into_iter().filter(named).collect() })
 }
 
 fn options(arguments: &Arguments) -> anyhow::Result<SynthOptions> {

@@ -12,7 +12,7 @@ pub(super) struct Arguments {
     /// Folder of a data set with images and part masks
     #[arg(value_name = "DIR")]
     dataset: PathBuf,
-    /// Where the sheets go: `NAME-rgb.png` and `NAME-parts.png`
+    /// Where the sheets go: `NAME-rgb.jpg` and `NAME-parts.jpg`
     #[arg(long, value_name = "NAME")]
     out: PathBuf,
 }
