@@ -35,6 +35,7 @@ pub use sheet::contact_sheets;
 pub use statistics::{Statistics, statistics, statistics_beside, statistics_table};
 pub use verify::{Verified, verify};
 
+use frame::Shot;
 use sequences::PlannedWorld;
 use workers::Workers;
 
@@ -154,9 +155,10 @@ pub fn write(
         let text = serde_json::to_string(&camera).unwrap_or_default();
         files::write(&out.join(partpose::dataset::CAMERA_FILE), text.as_bytes())?;
     }
+    let run = Run { out, options, fleet: &fleet, workers: &workers, progress };
     let mut summary = Summary::default();
     for planned in &planned {
-        let drawn = write_world(out, planned, options, &fleet, &workers, progress)?;
+        let drawn = write_world(&run, planned)?;
         summary.sequences += planned.variations.len();
         summary.drawn += drawn;
         summary.kept += planned.images() - drawn;
@@ -165,40 +167,43 @@ pub fn write(
     Ok(summary)
 }
 
+/// What all worlds of a run share.
+struct Run<'a> {
+    out: &'a Path,
+    options: &'a SynthOptions,
+    fleet: &'a Arc<Fleet>,
+    workers: &'a Workers,
+    progress: &'a (dyn Fn(Progress) + Sync),
+}
+
 /// Writes what is missing of a world and gives the number of frames that were.
-fn write_world(
-    out: &Path,
-    planned: &PlannedWorld,
-    options: &SynthOptions,
-    fleet: &Arc<Fleet>,
-    workers: &Workers,
-    progress: &(dyn Fn(Progress) + Sync),
-) -> Result<usize, SynthError> {
+fn write_world(run: &Run, planned: &PlannedWorld) -> Result<usize, SynthError> {
     let missing: Vec<(SequenceId, Variation)> = planned
         .variations
         .iter()
         .map(|variation| (planned.sequence(*variation), *variation))
-        .filter(|(id, _)| !fragments::is_complete(out, id))
+        .filter(|(id, _)| !fragments::is_complete(run.out, id))
         .collect();
     let whole = planned.variations.len() - missing.len();
-    progress(Progress::Done(whole * planned.frames.len()));
+    (run.progress)(Progress::Done(whole * planned.frames.len()));
     if missing.is_empty() {
         return Ok(0);
     }
-    let world = planned.world(options, fleet);
+    let world = planned.world(run.options, run.fleet);
     let drawn = AtomicUsize::new(0);
-    workers.run(missing.len() * planned.frames.len(), &|at| {
+    run.workers.run(missing.len() * planned.frames.len(), &|at| {
         let (id, variation) = &missing[at / planned.frames.len()];
         let index = planned.frames[at % planned.frames.len()];
-        if !fragments::exists(out, id, index) {
-            frame::write(out, id, &world, index, *variation, options)?;
+        if !fragments::exists(run.out, id, index) {
+            let shot = Shot { id, index, variation: *variation };
+            frame::write(run.out, &shot, &world, run.options)?;
             drawn.fetch_add(1, Ordering::Relaxed);
         }
-        progress(Progress::Done(1));
+        (run.progress)(Progress::Done(1));
         Ok(())
     })?;
     for (id, _) in &missing {
-        fragments::assemble(out, id, &planned.frames)?;
+        fragments::assemble(run.out, id, &planned.frames)?;
     }
     Ok(drawn.into_inner())
 }

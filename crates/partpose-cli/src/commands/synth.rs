@@ -51,7 +51,9 @@ fn advised(error: SynthError) -> anyhow::Error {
         }
         SynthError::Manifest { .. } => "choose an empty folder, or remove this one",
         SynthError::ModelName { .. } => "rename the model",
-        SynthError::NotSynthetic { .. } => "`partpose dataset check DIR` tells what the folder holds",
+        SynthError::NotSynthetic { .. } => {
+            "`partpose dataset check DIR` tells what the folder holds"
+        }
         SynthError::File(partpose::files::FileError::Write { .. }) => {
             "see that the folder may be written and the disk has room, then repeat the command with `--resume`: \
              frames that are whole are kept"

@@ -94,10 +94,9 @@ fn a_data_set_is_made_checked_counted_and_shown() {
 #[test]
 fn a_killed_run_goes_on_to_the_same_bytes() {
     let folder = folder();
-    let frames = ["--frames", "12"];
-    run(folder.path(), &arguments(&[&["--out", "whole"], &frames[..]].concat()));
+    run(folder.path(), &arguments(&["--frames", "12", "--out", "whole"]));
     let mut child = Command::new(env!("CARGO_BIN_EXE_partpose"))
-        .args(arguments(&[&["--out", "cut", "--threads", "1"], &frames[..]].concat()))
+        .args(arguments(&["--frames", "12", "--out", "cut", "--threads", "1"]))
         .current_dir(folder.path())
         .stderr(Stdio::null())
         .spawn()
@@ -111,8 +110,7 @@ fn a_killed_run_goes_on_to_the_same_bytes() {
     let _ = child.wait().unwrap();
     let cut = folder.path().join("cut");
     assert!(!cut.join("vkitti_1.3.1_motgt/1001_fog.txt").exists(), "killed too late");
-    let text =
-        run(folder.path(), &arguments(&[&["--out", "cut", "--resume"], &frames[..]].concat()));
+    let text = run(folder.path(), &arguments(&["--frames", "12", "--out", "cut", "--resume"]));
     assert!(text.contains("of 2 sequences into `cut`, "), "{text}");
     let (whole, cut) = (files(&folder.path().join("whole")), files(&cut));
     assert_eq!(whole.keys().collect::<Vec<_>>(), cut.keys().collect::<Vec<_>>());
@@ -127,10 +125,11 @@ fn folders_that_hold_something_are_left_alone() {
     fs::create_dir(folder.path().join("photos")).unwrap();
     fs::write(folder.path().join("photos/a.jpg"), b"mine").unwrap();
     fs::write(folder.path().join("file"), b"mine").unwrap();
-    for resume in [&[][..], &["--resume"]] {
+    for resume in [None, Some("--resume")] {
+        let more: Vec<&str> = ["--out", "photos"].into_iter().chain(resume).collect();
         check(
             folder.path(),
-            &arguments(&[&["--out", "photos"], resume].concat()),
+            &arguments(&more),
             &expect![[r#"
                 --- stderr
                 error: `photos` holds something else already: `a.jpg`
@@ -155,7 +154,7 @@ fn folders_that_hold_something_are_left_alone() {
 fn a_data_set_is_not_mixed_with_another() {
     let folder = folder();
     let run_once = |more: &[&str]| {
-        run(folder.path(), &arguments(&[&["--out", "world", "--frames", "1"], more].concat()))
+        run(folder.path(), &arguments(&[&["--out", "world", "--frames", "1"][..], more].concat()))
     };
     assert!(run_once(&[]).ends_with("--- exit 0\n"));
     expect![[r#"
@@ -186,8 +185,8 @@ fn a_data_set_is_not_mixed_with_another() {
 #[test]
 fn options_that_make_no_data_set_are_named() {
     let folder = folder();
-    for (more, expected) in [
-        (&["--frames", "0"][..], "the number of frames must be 1 to 100000"),
+    let cases: [(&[&str], &str); 11] = [
+        (&["--frames", "0"], "the number of frames must be 1 to 100000"),
         (&["--fps", "0"], "`--fps` is 0, but must be 0.1 to 1000"),
         (&["--worlds", "1000"], "the number of worlds of a kind must be 1 to 999"),
         (&["--camera-height", "0"], "the height of the camera must be 0.3 to 10 metres"),
@@ -198,7 +197,8 @@ fn options_that_make_no_data_set_are_named() {
         (&["--zoo", "nowhere"], "cannot read `nowhere`"),
         (&["--models", "tank"], "there is no model `tank`"),
         (&["--camera", "nowhere"], "cannot read `nowhere`"),
-    ] {
+    ];
+    for (more, expected) in cases {
         let mut all = arguments(&["--out", "world"]);
         // Later values of the same option would be a second one.
         if let Some(at) = all.iter().position(|argument| *argument == more[0]) {
@@ -209,13 +209,14 @@ fn options_that_make_no_data_set_are_named() {
         assert!(text.contains(expected) && text.ends_with("--- exit 2\n"), "{more:?}: {text}");
         assert!(!folder.path().join("world").exists(), "{more:?} left a folder");
     }
-    for (wrong, expected) in [
-        (&["--out", "world", "--scenes", "moon"][..], "`moon` is no kind of world"),
+    let unparsed: [(&[&str], &str); 4] = [
+        (&["--out", "world", "--scenes", "moon"], "`moon` is no kind of scene"),
         (&["--out", "world", "--variations", "clone,dusk"], "`dusk` is no variation"),
         (&["--out", "world", "--layout-from", "x", "--scenes", "urban"], "cannot be used with"),
         (&[], "--out <DIR>"),
-    ] {
-        let text = run(folder.path(), &[&["synth"], wrong].concat());
+    ];
+    for (wrong, expected) in unparsed {
+        let text = run(folder.path(), &[&["synth"][..], wrong].concat());
         assert!(text.contains(expected) && text.ends_with("--- exit 2\n"), "{wrong:?}: {text}");
     }
     let text = run(folder.path(), &["synth", "--out", "world", "--layout-from", "models"]);

@@ -20,15 +20,21 @@ use crate::world::{CameraOptions, Moment, Variation, World, hash};
 /// Depth that stands for the sky, centimetres.
 const FAR: u16 = u16::MAX;
 
+/// Which picture is meant.
+pub(super) struct Shot<'a> {
+    pub(super) id: &'a SequenceId,
+    pub(super) index: u32,
+    pub(super) variation: Variation,
+}
+
 /// Draws a frame and writes its images and then its rows.
 pub(super) fn write(
     out: &Path,
-    id: &SequenceId,
+    shot: &Shot,
     world: &World,
-    index: u32,
-    variation: Variation,
     options: &SynthOptions,
 ) -> Result<(), SynthError> {
+    let Shot { id, index, variation } = *shot;
     let mut moment = world.moment(index, options.interval, variation);
     if !options.effects.contains(&Effect::Fog) {
         moment.scene.air.fog = 0.0;
@@ -37,10 +43,7 @@ pub(super) fn write(
     let file = |archive: &str| {
         out.join(archive).join(&id.world).join(&id.variation).join(format!("{index:05}.png"))
     };
-    files::write_png(
-        &file("vkitti_1.3.1_rgb"),
-        &photographed(&moment, &rendered, id, index, options),
-    )?;
+    files::write_png(&file("vkitti_1.3.1_rgb"), &photographed(&moment, &rendered, shot, options))?;
     files::write_png(&file("vkitti_1.3.1_scenegt"), &segments(&rendered, &moment))?;
     files::write_png(&file("parts"), &parts(&rendered))?;
     files::write(&file("vkitti_1.3.1_depthgt"), &depth_png(&rendered))?;
@@ -78,15 +81,14 @@ pub(super) fn frame_rows(index: u32, rendered: &Rendered, moment: &Moment) -> Fr
 fn photographed(
     moment: &Moment,
     rendered: &Rendered,
-    id: &SequenceId,
-    index: u32,
+    shot: &Shot,
     options: &SynthOptions,
 ) -> RgbImage {
-    let words: Vec<i64> = id.to_string().bytes().map(i64::from).collect();
+    let words: Vec<i64> = shot.id.to_string().bytes().map(i64::from).collect();
     let seed = hash(options.seed, &words);
     let camera = CameraEffects::random(&mut ChaCha8Rng::seed_from_u64(seed), moment.scene.air.rain);
     let effects = effects::only(&options.effects, camera);
-    let seed = hash(seed, &[i64::from(index)]);
+    let seed = hash(seed, &[i64::from(shot.index)]);
     let image = photograph(&moment.scene, rendered, &effects, seed);
     RgbImage { size: [image.width(), image.height()], pixels: image.into_raw() }
 }

@@ -71,8 +71,10 @@ fn count(
     for id in dataset.sequences() {
         let mut frames = dataset.frames(id)?;
         frames.retain(|frame| only.is_empty() || only.contains(&(id.clone(), frame.index)));
-        let counted =
-            frames.par_iter().map(of_frame).try_reduce(Statistics::default, |a, b| Ok(a.plus(&b)))?;
+        let counted = frames
+            .par_iter()
+            .map(of_frame)
+            .try_reduce(Statistics::default, |a, b| Ok(a.plus(&b)))?;
         total = total.plus(&counted);
     }
     Ok(total)

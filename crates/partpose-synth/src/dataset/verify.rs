@@ -136,10 +136,8 @@ fn owners(image: &RgbImage, frame: &Frame, colors: &[SegmentColor]) -> Vec<Optio
         .enumerate()
         .filter_map(|(at, vehicle)| Some((vehicle.track?, at)))
         .collect();
-    let known: BTreeMap<[u8; 3], usize> = colors
-        .iter()
-        .filter_map(|color| Some((color.rgb, *rows.get(&color.track?)?)))
-        .collect();
+    let known: BTreeMap<[u8; 3], usize> =
+        colors.iter().filter_map(|color| Some((color.rgb, *rows.get(&color.track?)?))).collect();
     let pixels = image.pixels.chunks_exact(3);
     pixels.map(|rgb| known.get(&[rgb[0], rgb[1], rgb[2]]).copied()).collect()
 }

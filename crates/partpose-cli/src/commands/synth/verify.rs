@@ -49,7 +49,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     line("all", &sum);
     report::data(&text)?;
     if sum.is_clean() {
-        note(format_args!("parts, segmentation, cuboids and labels made anew agree in every pixel"));
+        note(format_args!(
+            "parts, segmentation, cuboids and labels made anew agree in every pixel"
+        ));
         return Ok(Outcome::Done);
     }
     note(format_args!(
