@@ -9,4 +9,5 @@ pub(crate) mod label;
 pub(crate) mod provenance;
 pub(crate) mod result_files;
 pub(crate) mod synth;
+pub(crate) mod view;
 pub(crate) mod zoo;

@@ -36,6 +36,8 @@ enum Command {
     Fit(commands::fit::Arguments),
     /// Write the results of `fit` in other programs' formats
     Export(commands::export::Arguments),
+    /// Write results as a page in 3D that opens without a network
+    View(commands::view::Arguments),
     /// Score poses and solvers against ground truth
     #[command(subcommand)]
     Evaluate(commands::evaluate::Command),
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         Command::Synth(arguments) => commands::synth::run(&arguments),
         Command::Fit(arguments) => commands::fit::run(&arguments),
         Command::Export(arguments) => commands::export::run(&arguments),
+        Command::View(arguments) => commands::view::run(&arguments),
         Command::Evaluate(command) => commands::evaluate::run(&command),
     };
     report::exit_code(outcome)
