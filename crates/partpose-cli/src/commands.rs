@@ -7,6 +7,7 @@ pub(crate) mod export;
 pub(crate) mod fit;
 pub(crate) mod label;
 pub(crate) mod provenance;
+pub(crate) mod report;
 pub(crate) mod result_files;
 pub(crate) mod synth;
 pub(crate) mod view;

@@ -38,6 +38,8 @@ enum Command {
     Export(commands::export::Arguments),
     /// Write results as a page in 3D that opens without a network
     View(commands::view::Arguments),
+    /// Write runs and evaluations as one page that opens without a network
+    Report(commands::report::Arguments),
     /// Score poses and solvers against ground truth
     #[command(subcommand)]
     Evaluate(commands::evaluate::Command),
@@ -53,6 +55,7 @@ fn main() -> ExitCode {
         Command::Fit(arguments) => commands::fit::run(&arguments),
         Command::Export(arguments) => commands::export::run(&arguments),
         Command::View(arguments) => commands::view::run(&arguments),
+        Command::Report(arguments) => commands::report::run(&arguments),
         Command::Evaluate(command) => commands::evaluate::run(&command),
     };
     report::exit_code(outcome)

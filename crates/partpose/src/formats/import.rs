@@ -156,7 +156,10 @@ pub fn import_openlabel(
             None => options.camera(path)?,
         };
         let mut vehicles = Vec::new();
-        for (id, object) in frame["objects"].as_object().into_iter().flatten() {
+        // Ids that are numbers in their order, so that vehicles keep theirs.
+        let mut objects: Vec<_> = frame["objects"].as_object().into_iter().flatten().collect();
+        objects.sort_by_key(|(id, _)| id.parse::<u64>().unwrap_or(u64::MAX));
+        for (id, object) in objects {
             let entry = || format!("object `{id}` of frame `{number}`");
             let data = &object["object_data"];
             let Some(cuboid) = data["cuboid"].as_array().and_then(|cuboids| cuboids.first()) else {
