@@ -8,7 +8,7 @@ mod report;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 /// Six-degree-of-freedom vehicle poses from part masks.
 #[derive(Parser)]
@@ -43,6 +43,10 @@ enum Command {
     /// Score poses and solvers against ground truth
     #[command(subcommand)]
     Evaluate(commands::evaluate::Command),
+    /// Print the completions of a shell
+    Completions(commands::completions::Arguments),
+    /// Write manual pages
+    Man(commands::completions::ManArguments),
 }
 
 fn main() -> ExitCode {
@@ -57,6 +61,10 @@ fn main() -> ExitCode {
         Command::View(arguments) => commands::view::run(&arguments),
         Command::Report(arguments) => commands::report::run(&arguments),
         Command::Evaluate(command) => commands::evaluate::run(&command),
+        Command::Completions(arguments) => {
+            commands::completions::run(&arguments, Arguments::command())
+        }
+        Command::Man(arguments) => commands::completions::man(&arguments, Arguments::command()),
     };
     report::exit_code(outcome)
 }

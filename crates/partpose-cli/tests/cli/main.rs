@@ -7,6 +7,7 @@ mod bad_input;
 mod browser;
 mod dataset_check;
 mod evaluate_others;
+mod guide;
 mod label;
 mod poses;
 mod report;
