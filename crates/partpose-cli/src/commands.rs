@@ -1,5 +1,6 @@
 //! One file a verb.
 
+pub(crate) mod completions;
 pub(crate) mod dataset;
 pub(crate) mod demo;
 pub(crate) mod evaluate;
@@ -7,6 +8,8 @@ pub(crate) mod export;
 pub(crate) mod fit;
 pub(crate) mod label;
 pub(crate) mod provenance;
+pub(crate) mod report;
 pub(crate) mod result_files;
 pub(crate) mod synth;
+pub(crate) mod view;
 pub(crate) mod zoo;

@@ -8,7 +8,7 @@ mod report;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 /// Six-degree-of-freedom vehicle poses from part masks.
 #[derive(Parser)]
@@ -36,9 +36,17 @@ enum Command {
     Fit(commands::fit::Arguments),
     /// Write the results of `fit` in other programs' formats
     Export(commands::export::Arguments),
+    /// Write results as a page in 3D that opens without a network
+    View(commands::view::Arguments),
+    /// Write runs and evaluations as one page that opens without a network
+    Report(commands::report::Arguments),
     /// Score poses and solvers against ground truth
     #[command(subcommand)]
     Evaluate(commands::evaluate::Command),
+    /// Print the completions of a shell
+    Completions(commands::completions::Arguments),
+    /// Write manual pages
+    Man(commands::completions::ManArguments),
 }
 
 fn main() -> ExitCode {
@@ -50,7 +58,13 @@ fn main() -> ExitCode {
         Command::Synth(arguments) => commands::synth::run(&arguments),
         Command::Fit(arguments) => commands::fit::run(&arguments),
         Command::Export(arguments) => commands::export::run(&arguments),
+        Command::View(arguments) => commands::view::run(&arguments),
+        Command::Report(arguments) => commands::report::run(&arguments),
         Command::Evaluate(command) => commands::evaluate::run(&command),
+        Command::Completions(arguments) => {
+            commands::completions::run(&arguments, Arguments::command())
+        }
+        Command::Man(arguments) => commands::completions::man(&arguments, Arguments::command()),
     };
     report::exit_code(outcome)
 }

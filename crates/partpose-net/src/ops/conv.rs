@@ -321,7 +321,8 @@ mod tests {
                             if iy < s.in_size[0] && ix < s.in_size[1] {
                                 visit(
                                     ((n * s.out_channels + o) * oh + y) * ow + x,
-                                    ((n * s.in_channels + c) * s.in_size[0] + iy) * s.in_size[1] + ix,
+                                    ((n * s.in_channels + c) * s.in_size[0] + iy) * s.in_size[1]
+                                        + ix,
                                     ((o * s.in_channels + c) * kh + dy) * kw + dx,
                                 );
                             }

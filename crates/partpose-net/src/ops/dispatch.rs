@@ -247,7 +247,8 @@ impl<B: Kernels, C: CheckpointStrategy> Operations for Autodiff<B, C> {
 
         let s = conv_shape(input.primitive(), weight.primitive(), stride, padding);
         let nodes = [input.node(), weight.node(), bias.node()];
-        let [input, weight, bias] = [input.into_primitive(), weight.into_primitive(), bias.into_primitive()];
+        let [input, weight, bias] =
+            [input.into_primitive(), weight.into_primitive(), bias.into_primitive()];
         match ConvolveAndAdd.prepare::<C>(nodes).compute_bound().stateful() {
             OpsKind::Tracked(prep) => {
                 let state = (input.clone(), weight.clone(), s);

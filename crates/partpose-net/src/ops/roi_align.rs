@@ -155,7 +155,8 @@ mod tests {
         let output = forward(&features, &regions(), &s);
         let gradient: Vec<f32> = (0..output.len()).map(|i| value(i, 17)).collect();
         let back = backward(&gradient, &regions(), &s);
-        let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
+        let dot =
+            |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
         let [forth, back] = [dot(&output, &gradient), dot(&features, &back)];
         assert!((forth - back).abs() < 1e-4 * forth.abs(), "{forth} {back}");
     }
