@@ -3,6 +3,8 @@
 //! The names are those of the Rust library. Whatever takes long runs without the GIL; a panic, which would be a bug of
 //! ours, becomes a `RuntimeError`. What the functions mean is documented for Python in `python/partpose/_partpose.pyi`.
 
+#![allow(clippy::needless_pass_by_value, reason = "arguments come from Python as values")]
+
 mod camera;
 mod cuboid;
 mod detections;

@@ -144,13 +144,12 @@ fn write_kitti(out: &Path, images: &[PosedImage]) -> anyhow::Result<()> {
 }
 
 fn write_coco(out: &Path, images: &[PosedImage], ids: Option<&CocoIds>) -> anyhow::Result<()> {
-    let detections = match ids {
-        Some(ids) => coco_results(&with_coco_ids(images, ids)?, ids),
-        None => {
-            let numbered = (1..).zip(images.iter().cloned()).collect::<Vec<_>>();
-            write_names(out, images)?;
-            coco_results(&numbered, &CocoIds::default())
-        }
+    let detections = if let Some(ids) = ids {
+        coco_results(&with_coco_ids(images, ids)?, ids)
+    } else {
+        let numbered = (1..).zip(images.iter().cloned()).collect::<Vec<_>>();
+        write_names(out, images)?;
+        coco_results(&numbered, &CocoIds::default())
     };
     write_json(&out.join("results.json"), &detections)
 }
@@ -189,12 +188,11 @@ fn write_bop(out: &Path, images: &[PosedImage], zoo: Option<&ModelZoo>) -> anyho
     let ids: BTreeMap<String, u32> = names.into_iter().zip(1..).collect();
     write_json(&out.join("objects.json"), &ids)?;
     let own: Option<Vec<[u32; 2]>> = images.iter().map(|i| bop_image_ids(&i.image)).collect();
-    let keys = match own {
-        Some(keys) => keys,
-        None => {
-            write_names(out, images)?;
-            (1..).take(images.len()).map(|image| [1, image]).collect()
-        }
+    let keys = if let Some(keys) = own {
+        keys
+    } else {
+        write_names(out, images)?;
+        (1..).take(images.len()).map(|image| [1, image]).collect()
     };
     let images: Vec<([u32; 2], &PosedImage)> = keys.into_iter().zip(images).collect();
     files::write(&out.join("results.csv"), bop_csv(&images, &ids).as_bytes())?;

@@ -17,6 +17,7 @@ fn browser() -> Option<PathBuf> {
 
 /// Opens a page from disk, without a network, and gives the document as it is then; `None` without a browser, which is
 /// told. A message of the page to the console fails the test.
+#[expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 pub(crate) fn open(page: &Path, fragment: &str, screenshot: Option<&Path>) -> Option<String> {
     let Some(browser) = browser() else {
         eprintln!(

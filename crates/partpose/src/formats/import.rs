@@ -303,17 +303,13 @@ fn openlabel_camera(pinhole: &Value) -> Option<Camera> {
 }
 
 fn openlabel_cuboid(value: &Value) -> Option<Cuboid> {
-    let (place, rotation, sides) = match numbers::<10>(value) {
-        Some([x, y, z, i, j, k, w, a, b, c]) => {
-            let rotation = UnitQuaternion::try_new(Quaternion::new(w, i, j, k), 1e-6)?;
-            ([x, y, z], rotation, [a, b, c])
-        }
-        None => {
-            let [x, y, z, rx, ry, rz, a, b, c] = numbers(value)?;
-            ([x, y, z], UnitQuaternion::from_euler_angles(rx, ry, rz), [a, b, c])
-        }
-    };
-    Some(from_upright(&Vector3::from(place), &rotation, sides))
+    if let Some([x, y, z, i, j, k, w, a, b, c]) = numbers(value) {
+        let rotation = UnitQuaternion::try_new(Quaternion::new(w, i, j, k), 1e-6)?;
+        return Some(from_upright(&Vector3::new(x, y, z), &rotation, [a, b, c]));
+    }
+    let [x, y, z, rx, ry, rz, a, b, c] = numbers(value)?;
+    let rotation = UnitQuaternion::from_euler_angles(rx, ry, rz);
+    Some(from_upright(&Vector3::new(x, y, z), &rotation, [a, b, c]))
 }
 
 /// The categories of zoos begin with a capital.

@@ -37,7 +37,7 @@ pub fn scene_glb(frame: &SceneFrame, zoo: &ModelZoo) -> Vec<u8> {
         if let Some(model) = zoo.get(&vehicle.model) {
             let mesh = *meshes.entry(model.name()).or_insert_with(|| glb.add_model(model));
             node["mesh"] = json!(mesh);
-            node["matrix"] = json!(matrix(vehicle, Some(model)));
+            node["matrix"] = json!(matrix(vehicle, model));
         } else {
             node["mesh"] = json!(glb.add_lines("box", &box_lines(vehicle), WHITE));
         }
@@ -56,13 +56,10 @@ fn scene_from_camera(point: &Point3) -> [f32; 3] {
 }
 
 /// Takes the mesh of a model, in the vehicle frame, to the scene; column by column.
-fn matrix(vehicle: &PosedVehicle, model: Option<&VehicleModel>) -> [f64; 16] {
+fn matrix(vehicle: &PosedVehicle, model: &VehicleModel) -> [f64; 16] {
     let pose = &vehicle.cuboid.camera_from_vehicle;
     let rotation = pose.rotation.to_rotation_matrix();
-    let scale = model.map_or([1.0; 3], |model| {
-        let ratio = vehicle.cuboid.extent.ratio(&model.extent());
-        [ratio.x, ratio.y, ratio.z]
-    });
+    let scale = vehicle.cuboid.extent.ratio(&model.extent());
     let turn = [1.0, -1.0, -1.0];
     std::array::from_fn(|i| match (i % 4, i / 4) {
         (3, column) => f64::from(u8::from(column == 3)),
