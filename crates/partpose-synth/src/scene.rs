@@ -69,6 +69,8 @@ pub struct SurfaceMesh {
     /// It is the model's own, so that labels made from poses and models equal these to the bit; the surface may only
     /// differ from it by what fits inside.
     pub labels: Option<Arc<Mesh>>,
+    /// The same surface with fewer faces, of which only vertices, faces, materials and parts count; for far shadows.
+    pub coarse: Option<Arc<SurfaceMesh>>,
 }
 
 /// What runs along an edge of a face; two bits an edge in [`SurfaceMesh::joints`], the edge opposite of the first

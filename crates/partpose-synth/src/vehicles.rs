@@ -15,6 +15,7 @@
 //! ```
 
 mod bake;
+mod coarse;
 mod inside;
 mod looks;
 mod patchwork;
@@ -53,6 +54,7 @@ pub fn vehicle_kind(model: &VehicleModel) -> VehicleKind {
     inside::furnish(&mut work);
     let mut surface = work.into_surface();
     surface.openness = bake::openness(&surface);
+    surface.coarse = Some(Arc::new(coarse::coarse(&surface)));
     surface.labels = Some(Arc::new(model.mesh().clone()));
     VehicleKind {
         name: model.name().to_owned(),

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::scene::Texture;
 
-use super::texture;
+use super::leaves;
 use super::visible::{STEPS, Seen, Triangle, Triangles, material_of};
 
 /// Sample rows a band.
@@ -338,6 +338,6 @@ impl Holes {
         let place = [span.place[0] + k as i64 * span.step, span.place[1]];
         let depth = f64::from(1.0 / inverse_depth);
         let [u, v] = [0, 1].map(|i| (self.planes[i].unlimited(place) * depth) as f32);
-        texture::is_leaf(u, v, self.cover, self.size)
+        leaves::is_leaf(u, v, self.cover, self.size)
     }
 }

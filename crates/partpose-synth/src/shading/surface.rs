@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::scene::{Air, Material, SegmentClass, Texture};
 
-use super::contact::{self, Block};
+use super::contact::{self, Blocks};
 use super::environment::Environment;
 use super::noise;
 use super::shadow::Shadows;
@@ -32,7 +32,7 @@ pub(super) struct Lighting<'a> {
     pub(super) sky: &'a Sky,
     pub(super) environment: &'a Environment,
     pub(super) shadows: &'a Shadows,
-    pub(super) blocks: &'a [Block],
+    pub(super) blocks: &'a Blocks,
     pub(super) air: Air,
     pub(super) world_from_camera: Matrix3<f32>,
     /// Where the eye is, relative to the camera.

@@ -140,7 +140,10 @@ pub(super) fn seen<'a>(
         })
     };
     let pairs: Vec<_> = scene.objects.iter().zip(bounds).collect();
-    pairs.into_par_iter().filter_map(place).collect()
+    let mut seen: Vec<Seen> = pairs.into_par_iter().filter_map(place).collect();
+    // What is near hides what is far, which then costs no more than a comparison of depths.
+    seen.sort_by(|a, b| a.center.norm_squared().total_cmp(&b.center.norm_squared()));
+    seen
 }
 
 fn diagonal(values: &Vector3<f64>) -> Matrix3<f64> {
