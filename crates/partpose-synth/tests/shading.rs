@@ -1,12 +1,5 @@
 //! Pictures are the same on any number of threads, labels are those of the label renderer, light adds up.
 
-#![allow(
-    clippy::all,
-    clippy::pedantic,
-    clippy::restriction,
-    reason = "under construction, as the crate"
-)]
-
 use std::sync::Arc;
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
@@ -270,4 +263,44 @@ fn surfaces_that_lack_normals_or_materials_are_drawn_nevertheless() {
     mesh.faces.push([0, 1, 77]);
     let rendered = render(&scene(vec![broken]), &RenderOptions::default());
     assert!(rendered.classes.contains(&(SegmentClass::Road as u8)));
+}
+
+#[test]
+fn finer_sampling_changes_the_picture_and_no_label() {
+    let scene = street();
+    let [cheap, fine] = [RenderOptions::cheap(), RenderOptions::default()]
+        .map(|options| render(&scene, &options));
+    assert!(cheap.color != fine.color);
+    assert!(cheap.parts == fine.parts);
+    assert!(cheap.instances == fine.instances);
+    assert!(cheap.classes == fine.classes);
+}
+
+#[test]
+fn an_effect_that_is_switched_on_leaves_the_others_as_they_were() {
+    let scene = street();
+    let rendered = render(&scene, &RenderOptions::cheap());
+    let without = CameraEffects { noise: 0.02, sharpening: 0.3, ..CameraEffects::default() };
+    let with = CameraEffects { drops: 2, rain: 0.2, ..without };
+    let [a, b] = [without, with].map(|effects| photograph(&scene, &rendered, &effects, 5));
+    let same = a.pixels().zip(b.pixels()).filter(|(a, b)| a == b).count();
+    let all = rendered.parts.len();
+    // Only drops and streaks differ: noise is the same, number by number.
+    assert!(same > all * 6 / 10 && same < all, "{same} of {all} pixels are the same");
+}
+
+#[test]
+fn far_shadows_come_from_a_body_as_large_as_the_near_one() {
+    for kind in kinds() {
+        let coarse = kind.surface.coarse.as_ref().unwrap();
+        let size = |mesh: &SurfaceMesh| {
+            let corners = mesh.faces.iter().flatten().map(|i| mesh.vertices[*i as usize].coords);
+            let first = (Vector3::repeat(f32::MAX), Vector3::repeat(f32::MIN));
+            let (low, high) = corners.fold(first, |(low, high), p| (low.inf(&p), high.sup(&p)));
+            high - low
+        };
+        let difference = (size(coarse) - size(&kind.surface)).amax();
+        assert!(difference < 0.15, "{}: {difference} m", kind.name);
+        assert!(coarse.faces.len() < kind.surface.faces.len() / 2, "{}", kind.name);
+    }
 }

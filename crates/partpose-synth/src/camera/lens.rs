@@ -52,9 +52,8 @@ pub(super) fn part_colors(frame: &mut Frame, corner: f32) {
         };
         (0..side).map(place).collect()
     };
-    let tables = [-1.0, 1.0].map(|sign| {
-        [places(width, middle[0], sign), places(height, middle[1], sign)]
-    });
+    let tables =
+        [-1.0, 1.0].map(|sign| [places(width, middle[0], sign), places(height, middle[1], sign)]);
     let old = frame.pixels.clone();
     frame.pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
         for ([columns, rows], channel) in tables.iter().zip([0, 2]) {
@@ -134,12 +133,23 @@ pub(super) fn flare(frame: &mut Frame, scene: &Scene, gain: [f32; 3], strength: 
         .map(|(near, wide)| [0, 1, 2].map(|i| strength * (0.10 * near[i] + 0.12 * wide[i])))
         .collect();
     frame.pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
-        let v = ((y as f32 + 0.5) / CELL as f32 - 0.5).max(0.0);
+        let v = ((y as f32 + 0.5) / CELL as f32 - 0.5).clamp(0.0, rows as f32 - 1.0);
+        let upper = v as usize;
+        let lower = (upper + 1).min(rows - 1);
+        let share = v - upper as f32;
+        let between_rows = |column: usize| {
+            let [a, b] = [glow[upper * columns + column], glow[lower * columns + column]];
+            [0, 1, 2].map(|i| a[i] + share * (b[i] - a[i]))
+        };
+        let glow: Vec<[f32; 3]> = (0..columns).map(between_rows).collect();
         for (x, value) in row.iter_mut().enumerate() {
-            let u = ((x as f32 + 0.5) / CELL as f32 - 0.5).max(0.0);
+            let u = ((x as f32 + 0.5) / CELL as f32 - 0.5).clamp(0.0, columns as f32 - 1.0);
+            let left = u as usize;
+            let [a, b] = [glow[left], glow[(left + 1).min(columns - 1)]];
+            let share = u - left as f32;
             let veil = veil.as_ref().map_or([0.0; 3], |veil| veil.at([x as f32, y as f32]));
             for i in 0..3 {
-                value[i] += between(&glow, [columns, rows], [u, v], i) + strength * veil[i];
+                value[i] += a[i] + share * (b[i] - a[i]) + strength * veil[i];
             }
         }
     });

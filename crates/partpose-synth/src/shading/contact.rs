@@ -44,7 +44,8 @@ const CELLS: i32 = 24;
 
 impl Blocks {
     fn new(blocks: Vec<Block>) -> Self {
-        let mut cells = vec![Vec::new(); if blocks.is_empty() { 0 } else { (4 * CELLS * CELLS) as usize }];
+        let mut cells =
+            vec![Vec::new(); if blocks.is_empty() { 0 } else { (4 * CELLS * CELLS) as usize }];
         for (i, block) in blocks.iter().enumerate() {
             let range = |at: f32| {
                 let cell = |at: f32| (floor(at / CELL) + CELLS).clamp(0, 2 * CELLS - 1);

@@ -44,19 +44,25 @@ impl DepthMap {
         });
     }
 
-    /// As [`Self::draw`], where `is_there` holds of the weights of the second and third corner.
+    /// As [`Self::draw`], where `is_there` holds of the texture's coordinates.
     pub(crate) fn draw_where(
         &mut self,
         corners: [Vector3<f32>; 3],
+        [a, b, c]: [[f32; 2]; 3],
         is_there: impl Fn([f32; 2]) -> bool,
     ) {
         let width = self.size[0];
         let heights = &mut self.heights;
         cover(self.size, &corners, |y, [from, to], plane| {
-            for x in from..=to {
-                let old = &mut heights[y * width + x];
-                let height = plane.at(x, y);
-                if height > *old && is_there(plane.weights(x, y)) {
+            let [start, [wb, wc]] = [[plane.at(from, y), 0.0], plane.weights(from, y)];
+            let mix = |i: usize, wb: f32, wc: f32| wb * (b[i] - a[i]) + wc * (c[i] - a[i]);
+            let first = [0, 1].map(|i| a[i] + mix(i, wb, wc));
+            let change = [0, 1].map(|i| mix(i, plane.second[0], plane.third[0]));
+            let row = &mut heights[y * width + from..=y * width + to];
+            for (k, old) in row.iter_mut().enumerate() {
+                let k = k as f32;
+                let height = start[0] + plane.slope[0] * k;
+                if height > *old && is_there([0, 1].map(|i| first[i] + change[i] * k)) {
                     *old = height;
                 }
             }

@@ -95,7 +95,9 @@ mod tests {
     fn as_much_is_there_as_is_asked_for() {
         for cover in [0.3_f32, 0.5, 0.8] {
             let count = (0..200 * 200)
-                .filter(|i| is_leaf((i % 200) as f32 * 0.0256, (i / 200) as f32 * 0.0256, cover, 0.1))
+                .filter(|i| {
+                    is_leaf((i % 200) as f32 * 0.0256, (i / 200) as f32 * 0.0256, cover, 0.1)
+                })
                 .count();
             let share = count as f32 / 40_000.0;
             assert!((share - cover).abs() < 0.03, "{share} of {cover}");

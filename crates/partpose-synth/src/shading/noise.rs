@@ -14,10 +14,8 @@ static LATTICE: LazyLock<Box<[u32; SIDE * SIDE]>> = LazyLock::new(|| {
     let mut table = Box::new([0; SIDE * SIDE]);
     for (i, corners) in table.iter_mut().enumerate() {
         let [x, y] = [i % SIDE, i / SIDE];
-        *corners = value(x, y)
-            | value(x + 1, y) << 8
-            | value(x, y + 1) << 16
-            | value(x + 1, y + 1) << 24;
+        *corners =
+            value(x, y) | value(x + 1, y) << 8 | value(x, y + 1) << 16 | value(x + 1, y + 1) << 24;
     }
     table
 });

@@ -196,13 +196,7 @@ fn place<'a>(
     let center = [middle.x, middle.y];
     let radius = radius * object.scale.abs().max() as f32;
     let is_near = squares.iter().any(|(low, side, _)| touches(center, radius, *low, *side));
-    is_near.then(|| Placed {
-        object,
-        matrix,
-        offset,
-        center,
-        radius,
-    })
+    is_near.then(|| Placed { object, matrix, offset, center, radius })
 }
 
 fn draw_object(map: &mut DepthMap, placed: &Placed, low: [f32; 2], scale: f32) {
@@ -243,12 +237,9 @@ fn draw_object(map: &mut DepthMap, placed: &Placed, low: [f32; 2], scale: f32) {
             continue;
         }
         if let Texture::Leaves { cover, size } = material.texture {
-            let [ca, cb, cc] = face
+            let coordinates = face
                 .map(|vertex| mesh.coordinates.get(vertex as usize).copied().unwrap_or_default());
-            map.draw_where(corners, |[wb, wc]| {
-                let mix = |i: usize| ca[i] + wb * (cb[i] - ca[i]) + wc * (cc[i] - ca[i]);
-                leaves::is_leaf(mix(0), mix(1), cover, size)
-            });
+            map.draw_where(corners, coordinates, |[u, v]| leaves::is_leaf(u, v, cover, size));
         } else {
             map.draw(corners);
         }

@@ -140,6 +140,17 @@ fn facade(
     let streaks = smooth(u * 3.0, v * 0.35, seed ^ 32) - 0.5;
     local.color *= 1.0 + 0.22 * plaster + 0.08 * streaks;
     let [half_x, half_y] = [0.5 * window[0], 0.5 * window[1]];
+    if seed % 4 == 1 {
+        bricks(local, [u, v], footprint);
+    }
+    // The sill stands out: light above, its shade below; rain washes dirt down from it.
+    let below = y + half_y;
+    let edge = |d: f32| (d / footprint.max(1e-3) + 0.5).clamp(0.0, 1.0);
+    let beside = edge(half_x + 0.06 - x.abs());
+    let sill = beside * edge(-below) * edge(below + 0.07);
+    let shade = beside * edge(-below - 0.07) * edge(below + 0.15);
+    let washed = beside * (1.0 + below).clamp(0.0, 1.0) * edge(-below - 0.07);
+    local.color *= (1.0 + 0.25 * sill) * (1.0 - 0.45 * shade) * (1.0 - 0.12 * washed);
     let frame = inside(half_x, half_y);
     if frame <= 0.0 {
         return;
@@ -160,8 +171,31 @@ fn facade(
     let is_covered = blind < 30 && y > half_y * (1.0 - 0.05 * blind as f32);
     let pane_color = if is_covered { V::repeat(0.4) } else { curtain };
     local.color = local.color.lerp(&pane_color, pane);
-    local.clear_coat = pane * if is_covered { 0.1 } else { 1.0 };
+    // Windows stand back in the wall, so that its edge shades them from above and from one side.
+    let reveal = (1.0 - edge(half_y - 0.14 - y)).max(1.0 - edge(half_x - 0.07 - x));
+    local.color *= 1.0 - 0.6 * frame * reveal;
+    local.clear_coat = pane * (1.0 - 0.7 * reveal) * if is_covered { 0.1 } else { 1.0 };
     local.roughness = 0.5;
+}
+
+/// Courses of bricks with mortar between them.
+fn bricks(local: &mut Local, [u, v]: [f32; 2], footprint: f32) {
+    let size = [0.25, 0.083];
+    let seen = sharpness(footprint, size[1]);
+    if seen <= 0.0 {
+        return;
+    }
+    let row = floor(v / size[1]);
+    let u = u + 0.5 * size[0] * (row & 1) as f32;
+    let own = cell_share(floor(u / size[0]), row, 33) - 0.5;
+    let to_joint = |x: f32, size: f32| {
+        let at = x.rem_euclid(size);
+        at.min(size - at)
+    };
+    let distance = to_joint(u, size[0]).min(to_joint(v, size[1]));
+    let joint = ((0.006 - distance) / footprint.max(1e-4) + 0.5).clamp(0.0, 1.0);
+    local.color *= 1.0 + seen * 0.5 * own;
+    local.color = local.color.lerp(&V::repeat(0.32), 0.6 * seen * joint);
 }
 
 /// Coordinates are shares of the wheel's radius.

@@ -14,7 +14,7 @@ use crate::vehicles::{Lamps, Look, VehicleKind, materials, random_look, vehicle_
 /// Share of vans where the zoo has any.
 const VANS: f64 = 0.10;
 /// How much the sides of vehicles differ from their model's, either way.
-const SPREAD: [f64; 3] = [0.03, 0.04, 0.05];
+const SPREAD: [f64; 3] = [0.04, 0.05, 0.07];
 
 /// Vehicle kinds, made once and shared by all worlds.
 #[derive(Clone, Debug)]
