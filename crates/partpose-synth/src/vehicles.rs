@@ -11,7 +11,7 @@
 //! let kind = vehicle_kind(&ModelZoo::embedded().models[0]);
 //! let look = random_look(&mut rand_chacha::ChaCha8Rng::seed_from_u64(1));
 //! let lamps = Lamps { brake: true, ..Lamps::default() };
-//! assert!(kind.surface.materials.iter().all(|slot| usize::from(*slot) < materials(&look, &lamps).len()));
+//! assert!(kind.surface.materials.iter().all(|slot| usize::from(*slot) < materials(&look, lamps).len()));
 //! ```
 
 mod bake;

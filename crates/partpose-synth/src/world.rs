@@ -203,7 +203,7 @@ impl World {
                     );
                     let pose = place.world_from_vehicle;
                     let instance = vehicles.len() as u16 + 1;
-                    objects.push(self.fleet.object(&vehicle, pose, &lamps, instance));
+                    objects.push(self.fleet.object(&vehicle, pose, lamps, instance));
                     vehicles.push(self.placed(&vehicle, track, pose, place.moving));
                 }
                 Candidate::Other(object) => objects.push(object),

@@ -41,7 +41,7 @@ fn cars() -> Vec<Object> {
         mesh: Arc::clone(&kinds[i % 2].surface),
         materials: materials(
             &random_look(&mut ChaCha8Rng::seed_from_u64(i as u64)),
-            &Lamps { head: true, brake: true, ..Lamps::default() },
+            Lamps { head: true, brake: true, ..Lamps::default() },
         ),
         world_from_object: pose,
         scale: Vector3::new(1.02, 0.98, 1.0 + 0.01 * i as f64),
@@ -188,7 +188,10 @@ fn labels_of_vehicles_are_those_of_the_label_renderer() {
 #[test]
 fn every_pixel_of_a_vehicle_carries_a_part_and_what_stands_before_it_hides_it() {
     let (rendered, count) = check_labels(&street());
-    let of = |class: SegmentClass| rendered.classes.iter().filter(|c| **c == class as u8).count();
+    let classes = rendered.classes.iter();
+    let of = |class: SegmentClass| {
+        classes.clone().map(|c| usize::from(*c == class as u8)).sum::<usize>()
+    };
     assert_eq!(of(SegmentClass::Car), count);
     assert!(of(SegmentClass::Tree) > 500);
 }
@@ -268,8 +271,8 @@ fn surfaces_that_lack_normals_or_materials_are_drawn_nevertheless() {
 #[test]
 fn finer_sampling_changes_the_picture_and_no_label() {
     let scene = street();
-    let [cheap, fine] = [RenderOptions::cheap(), RenderOptions::default()]
-        .map(|options| render(&scene, &options));
+    let [cheap, fine] =
+        [RenderOptions::cheap(), RenderOptions::default()].map(|options| render(&scene, &options));
     assert!(cheap.color != fine.color);
     assert!(cheap.parts == fine.parts);
     assert!(cheap.instances == fine.instances);

@@ -27,7 +27,7 @@ pub(super) fn meter(frame: &Frame, effects: &CameraEffects) -> [f32; 3] {
         for x in (0..width).step_by(4) {
             let pixel = frame.pixels[y * width + x];
             for (sum, value) in logs.iter_mut().zip(pixel) {
-                *sum += weight * f64::from(value.max(1e-3).min(4.0)).ln();
+                *sum += weight * f64::from(value.clamp(1e-3, 4.0)).ln();
             }
             count += weight;
         }

@@ -108,21 +108,7 @@ pub(super) fn draw(
                 *depth = depths[sample];
             }
             draw(&opaque[i][split..], ids, depths);
-            let mut nearest = vec![0.0; if glass[i].is_empty() { 0 } else { ids.len() }];
-            for id in &glass[i] {
-                band.draw(&triangles.glass[*id as usize], |span, _| {
-                    for at in span.from..span.to {
-                        let value = span.at(at - span.from);
-                        if value > depths[at] {
-                            panes[at] = panes[at].saturating_add(1);
-                            if value > nearest[at] {
-                                nearest[at] = value;
-                                glass_ids[at] = *id;
-                            }
-                        }
-                    }
-                });
-            }
+            band.panes(&triangles.glass, &glass[i], depths, (glass_ids, panes));
         },
     );
     all
@@ -214,6 +200,31 @@ impl Band<'_> {
             for (value, edge) in values.iter_mut().zip(&edges) {
                 *value += edge[2];
             }
+        }
+    }
+
+    /// Notes the nearest pane before each sample and how many there are.
+    fn panes(
+        &self,
+        triangles: &[Triangle],
+        list: &[u32],
+        depths: &[f32],
+        (ids, panes): (&mut [u32], &mut [u8]),
+    ) {
+        let mut nearest = vec![0.0; if list.is_empty() { 0 } else { ids.len() }];
+        for id in list {
+            self.draw(&triangles[*id as usize], |span, _| {
+                for at in span.from..span.to {
+                    let value = span.at(at - span.from);
+                    if value > depths[at] {
+                        panes[at] = panes[at].saturating_add(1);
+                        if value > nearest[at] {
+                            nearest[at] = value;
+                            ids[at] = *id;
+                        }
+                    }
+                }
+            });
         }
     }
 

@@ -1,6 +1,6 @@
 //! Which places the sun reaches.
 //!
-//! Depth maps seen from the sun, finer near the camera: the cascades of Engel (*Cascaded Shadow Maps*, ShaderX5, 2006),
+//! Depth maps seen from the sun, finer near the camera: the cascades of Engel (*Cascaded Shadow Maps*, `ShaderX5`, 2006),
 //! each a square around a slice of what the camera sees. Between texels shares are mixed (Reeves, Salesin and Cook:
 //! *Rendering Antialiased Shadows with Depth Maps*, SIGGRAPH 1987).
 
@@ -196,7 +196,7 @@ fn place<'a>(
     let center = [middle.x, middle.y];
     let radius = radius * object.scale.abs().max() as f32;
     let is_near = squares.iter().any(|(low, side, _)| touches(center, radius, *low, *side));
-    is_near.then(|| Placed { object, matrix, offset, center, radius })
+    is_near.then_some(Placed { object, matrix, offset, center, radius })
 }
 
 fn draw_object(map: &mut DepthMap, placed: &Placed, low: [f32; 2], scale: f32) {

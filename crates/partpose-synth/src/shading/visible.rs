@@ -266,10 +266,8 @@ fn object_triangles(camera: &Camera, seen: &Seen, index: u32, step: i32) -> Tria
         let kind = materials.of(i);
         // What is far is drawn with dark panes, which spares its inside.
         let is_pane = kind == Kind::Glass && !seen.is_far;
-        let shows_back = match seen.object.has_parts {
-            true => !seen.is_far && kind == Kind::Solid && is_lining(mesh.parts.get(i)),
-            false => true,
-        };
+        let shows_back = !seen.object.has_parts
+            || (!seen.is_far && kind == Kind::Solid && is_lining(mesh.parts.get(i)));
         if (a.code | b.code | c.code) & 16 == 0 {
             if misses(a.x, b.x, c.x) || misses(a.y, b.y, c.y) {
                 continue;

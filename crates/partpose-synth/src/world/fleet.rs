@@ -101,7 +101,7 @@ impl Fleet {
         &self,
         vehicle: &Vehicle,
         world_from_vehicle: Pose,
-        lamps: &Lamps,
+        lamps: Lamps,
         instance: u16,
     ) -> Object {
         let kind = self.kind(vehicle);
@@ -109,7 +109,7 @@ impl Fleet {
         let scale: Vector3<f64> = vehicle.extent.ratio(&kind.extent);
         Object {
             mesh: Arc::clone(&kind.surface),
-            materials: materials(&vehicle.look, lamps).into(),
+            materials: materials(&vehicle.look, lamps),
             world_from_object: world_from_vehicle,
             scale,
             class,

@@ -1,5 +1,6 @@
 //! Trees, bushes and hedges: trunks with branches, and leaves on cards that let light through.
 
+use std::f32::consts::TAU;
 use std::sync::Arc;
 
 use rand::RngExt;
@@ -111,7 +112,7 @@ fn fir_crown(shape: &mut Shape, rng: &mut ChaCha8Rng, height: f32) {
         let count = 5 + (9.0 * (1.0 - share)) as u32;
         let turn = rng.random_range(0.0_f32..1.0);
         for i in 0..count {
-            let (s, c) = (6.283_f32 * (i as f32 + turn) / count as f32).sin_cos();
+            let (s, c) = (TAU * (i as f32 + turn) / count as f32).sin_cos();
             let out = V::new(c, 0.0, s);
             let side = V::new(-s, 0.0, c);
             let drop = rng.random_range(0.25_f32..0.55) * reach;
@@ -220,7 +221,7 @@ pub(crate) fn tuft(seed: u64) -> Prop {
     let mut rng = random(seed, &[0x74f7]);
     let mut shape = Shape::default();
     for _ in 0..22 {
-        let (s, c) = rng.random_range(0.0_f32..6.28).sin_cos();
+        let (s, c) = rng.random_range(0.0..TAU).sin_cos();
         let at = p(rng.random_range(-0.4_f32..0.4), 0.0, rng.random_range(-0.4_f32..0.4));
         let side = V::new(c, 0.0, s) * rng.random_range(0.10_f32..0.25);
         let up = V::new(rng.random_range(-0.1_f32..0.1), -rng.random_range(0.2_f32..0.5), 0.0);
@@ -260,7 +261,7 @@ fn card(shape: &mut Shape, rng: &mut ChaCha8Rng, center: P, (out, open): (V, f32
 /// A unit vector, every direction as likely.
 fn direction(rng: &mut ChaCha8Rng) -> V {
     let y = rng.random_range(-1.0_f32..1.0);
-    let (s, c) = rng.random_range(0.0_f32..std::f32::consts::TAU).sin_cos();
+    let (s, c) = rng.random_range(0.0..TAU).sin_cos();
     let r = (1.0 - y * y).sqrt();
     V::new(r * c, y, r * s)
 }
