@@ -6,7 +6,6 @@
 //!
 //! The world frame is Virtual KITTI's: y down, metres. Colours are linear RGB until the camera has exposed them.
 
-
 pub mod camera;
 pub mod dataset;
 pub mod scene;
