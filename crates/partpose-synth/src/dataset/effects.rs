@@ -100,6 +100,7 @@ pub(super) fn only(effects: &[Effect], camera: CameraEffects) -> CameraEffects {
             Effect::Tone => {
                 kept.shoulder = camera.shoulder;
                 kept.contrast = camera.contrast;
+                kept.black = camera.black;
                 kept.saturation = camera.saturation;
             }
             Effect::Noise => kept.noise = camera.noise,

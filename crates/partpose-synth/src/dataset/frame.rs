@@ -43,7 +43,8 @@ pub(super) fn write(
     let file = |archive: &str| {
         out.join(archive).join(&id.world).join(&id.variation).join(format!("{index:05}.png"))
     };
-    files::write_png(&file("vkitti_1.3.1_rgb"), &photographed(&moment, &rendered, shot, options))?;
+    let picture = photographed(&moment, &rendered, shot, options);
+    files::write(&file("vkitti_1.3.1_rgb"), &fast_png(&picture))?;
     files::write_png(&file("vkitti_1.3.1_scenegt"), &segments(&rendered, &moment))?;
     files::write_png(&file("parts"), &parts(&rendered))?;
     files::write(&file("vkitti_1.3.1_depthgt"), &depth_png(&rendered))?;
@@ -111,6 +112,19 @@ fn parts(rendered: &Rendered) -> RgbImage {
     }
     let pixels = rendered.parts.iter().flat_map(|part| colors[usize::from(*part)]).collect();
     RgbImage { size: rendered.size, pixels }
+}
+
+/// A picture as PNG, packed fast: the noise of its last bits cannot be packed by any effort.
+fn fast_png(picture: &RgbImage) -> Vec<u8> {
+    use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+    let mut bytes = Vec::new();
+    let encoder =
+        PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive);
+    let [width, height] = picture.size;
+    let color = image::ExtendedColorType::Rgb8;
+    let written = image::ImageEncoder::write_image(encoder, &picture.pixels, width, height, color);
+    debug_assert!(written.is_ok());
+    bytes
 }
 
 fn depth_png(rendered: &Rendered) -> Vec<u8> {

@@ -83,15 +83,11 @@ fn same(
 ) -> Result<(), SynthError> {
     let missing = Value::Null;
     for (field, value) in asked {
-        let before = begun.get(field).unwrap_or(&missing);
         // Through text, since a number may come back as another kind of number.
-        if before.to_string() != value.to_string() {
-            return Err(SynthError::OtherOptions {
-                path: out.to_owned(),
-                field: field.clone(),
-                begun: before.to_string(),
-                asked: value.to_string(),
-            });
+        let [begun, asked] = [begun.get(field).unwrap_or(&missing), value].map(ToString::to_string);
+        if begun != asked {
+            let (path, field) = (out.to_owned(), field.clone());
+            return Err(SynthError::OtherOptions { path, field, begun, asked });
         }
     }
     Ok(())
