@@ -28,9 +28,7 @@ use crate::geometry::{Camera, Extent, Pose};
 use crate::vehicle::ModelZoo;
 
 pub use bias::MaskBias;
-pub use judgement::{
-    DenseFlag, DenseHypothesis, DenseReport, DepthAndSize, ModeKind, SecondMode,
-};
+pub use judgement::{DenseFlag, DenseHypothesis, DenseReport, DepthAndSize, ModeKind, SecondMode};
 pub use priors::{DensePriors, GravityPrior, GroundPrior, SizePrior};
 
 use super::{ExtentSource, NoPose};
@@ -241,6 +239,10 @@ fn report(
         hypotheses: judgement::kept(found, foreground),
         flags: suspicion.flags(),
         pictures: work.pictures,
-        debug: { let mut d = spread.debug.clone(); d.extend(evidence.features()); d },
+        debug: {
+            let mut d = spread.debug.clone();
+            d.extend(evidence.features());
+            d
+        },
     }
 }

@@ -13,7 +13,7 @@
 
 use nalgebra::{SMatrix, SVector, SymmetricEigen};
 
-use super::bias::{MaskBias, SampleGrid};
+use super::bias::SampleGrid;
 use super::jacobian::{NormalEquations, fraction};
 use super::lm::{Scored, View, Workspace};
 use super::priors::{SizeTerm, Terms};
@@ -63,7 +63,8 @@ pub(super) fn covariance(
     work.score(view, state);
     let equations = work.equations(view, state);
     let count = view.terms.count();
-    let mut spread = correlated_gradients(work, view) * INFLATION;
+    let correlated_raw = correlated_gradients(work, view);
+    let mut spread = correlated_raw * INFLATION;
     let mut priors = NormalEquations { hessian: Matrix9::zeros(), gradient: Vector9::zeros() };
     view.terms.add(state, &mut priors);
     // `terms.add` scales by the noise once; a prior's own spread is its information, times the noise squared.
@@ -106,7 +107,29 @@ pub(super) fn covariance(
     if !covariance.iter().all(|value| value.is_finite()) {
         return unbounded();
     }
-    Spread { covariance, depth_variance_if_size_known: known[(5, 5)], debug: Vec::new() }
+    let mut debug = Vec::new(); // DEBUG
+    {
+        let raw = |m: Matrix9| {
+            let i = inverse * m * inverse;
+            let mut t = Matrix9::identity();
+            t.fixed_view_mut::<3, 1>(3, 5).copy_from(&state.center);
+            let c = t * i * t.transpose();
+            c.fixed_view::<6, 6>(0, 0).into_owned()
+        };
+        let noise = without_negative(correlated_raw).unwrap_or_default();
+        let rest = priors.hessian * view.terms.noise + hessian * (LEAST_NOISE * view.terms.noise);
+        for m in [
+            raw(noise),
+            raw(rest),
+            raw(outline_spread_with(work, view, state, &equations, 1.0, 0.0)),
+            raw(outline_spread_with(work, view, state, &equations, 0.0, 0.01)),
+            raw(unfitted.map_or(Matrix9::zeros(), |size| size_spread(work, view, state, size))),
+        ] {
+            debug.extend(m.iter().copied());
+        }
+        debug.extend(state.center.iter());
+    }
+    Spread { covariance, depth_variance_if_size_known: known[(5, 5)], debug }
 }
 
 /// What is said where nothing is known.
@@ -148,6 +171,40 @@ fn outline_spread(
         let there = work.equations(&moved, state);
         let slope = (there.gradient - here.gradient) / step;
         let deviation = OUTLINE[known].hypot(OUTLINE_SHARE * length);
+        spread += slope * slope.transpose() * deviation.powi(2);
+    }
+    spread
+}
+
+/// The spread of the gradient that comes of outlines which lie off, side by side.
+fn outline_spread_with(
+    work: &mut Workspace,
+    view: &View,
+    state: &State,
+    here: &NormalEquations,
+    px: f64,
+    share: f64,
+) -> Matrix9 {
+    let known = usize::from(view.grid.bias.is_none());
+    let bounds = &view.target.bounds;
+    let mut spread = Matrix9::zeros();
+    for side in 0..4 {
+        let (length, per_pixel) = if side % 2 == 0 {
+            (bounds.width(), view.grid.per_pixel[0])
+        } else {
+            (bounds.height(), view.grid.per_pixel[1])
+        };
+        // A step that moves the outline over about a sample: less changes nothing.
+        let step = (1.0 / per_pixel).max(0.75);
+        let mut bias = view.grid.bias.unwrap_or_default();
+        bias.offset[side] += step;
+        let grid = SampleGrid { bias: Some(bias), ..*view.grid };
+        let moved = View { grid: &grid, ..*view };
+        work.score(&moved, state);
+        let there = work.equations(&moved, state);
+        let slope = (there.gradient - here.gradient) / step;
+        let deviation = px.hypot(share * length);
+        let _ = known;
         spread += slope * slope.transpose() * deviation.powi(2);
     }
     spread
@@ -209,4 +266,3 @@ fn correlated_gradients(work: &Workspace, view: &View) -> Matrix9 {
     }
     0.5 * (spread + spread.transpose())
 }
-
