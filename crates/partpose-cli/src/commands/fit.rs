@@ -55,14 +55,14 @@ pub(crate) struct Arguments {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum FitExtent {
+pub(super) enum FitExtent {
     File,
     Model,
     Free,
     Given(Extent),
 }
 
-fn parse_extent(text: &str) -> Result<FitExtent, String> {
+pub(super) fn parse_extent(text: &str) -> Result<FitExtent, String> {
     match text {
         "file" => return Ok(FitExtent::File),
         "model" => return Ok(FitExtent::Model),
@@ -84,6 +84,17 @@ fn parse_extent(text: &str) -> Result<FitExtent, String> {
         }
         _ => Err("`file`, `model`, `free` or width,height,length is meant, such as 1.8,1.5,4.4"
             .to_owned()),
+    }
+}
+
+impl FitExtent {
+    /// Where the size of a detection comes from that may have one of its own.
+    pub(super) fn source(self, own: Option<Extent>) -> ExtentSource {
+        match (self, own) {
+            (Self::Given(extent), _) | (Self::File, Some(extent)) => ExtentSource::Given(extent),
+            (Self::Free, _) => ExtentSource::Free(SizePrior::around(None)),
+            (Self::File | Self::Model, _) => ExtentSource::Model,
+        }
     }
 }
 
@@ -172,7 +183,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(if total.skipped == 0 { Outcome::Done } else { Outcome::Skipped })
 }
 
-fn read_mask_bias(path: &Path) -> anyhow::Result<MaskBias> {
+pub(super) fn read_mask_bias(path: &Path) -> anyhow::Result<MaskBias> {
     let text = files::read(path)?;
     serde_json::from_slice(&text).map_err(|error| {
         hint(
@@ -224,13 +235,7 @@ fn fit_image(job: &Job, image: ImageDetections) -> anyhow::Result<Counts> {
     let estimated: Vec<(Detection, Result<PoseEstimate, NoPose>)> = detections
         .into_iter()
         .map(|(detection, own)| {
-            let extent = match (arguments.extent, own) {
-                (FitExtent::Given(extent), _) | (FitExtent::File, Some(extent)) => {
-                    ExtentSource::Given(extent)
-                }
-                (FitExtent::Free, _) => ExtentSource::Free(SizePrior::around(None)),
-                (FitExtent::File | FitExtent::Model, _) => ExtentSource::Model,
-            };
+            let extent = arguments.extent.source(own);
             let mut estimate = job.estimator.estimate(&job.camera, &detection, &extent);
             if let Ok(estimate) = &mut estimate {
                 job.estimator.observe(&job.camera, &detection, estimate);
@@ -273,7 +278,7 @@ fn fit_image(job: &Job, image: ImageDetections) -> anyhow::Result<Counts> {
 }
 
 /// The image by its name below a folder; the file of detections must not lead out of it.
-fn read_image(folder: &Path, name: &str, camera: &Camera) -> anyhow::Result<RgbImage> {
+pub(super) fn read_image(folder: &Path, name: &str, camera: &Camera) -> anyhow::Result<RgbImage> {
     let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_)));
     if !inside {
         anyhow::bail!("the name `{name}` leads out of `{}`", folder.display());
