@@ -10,6 +10,8 @@ pub mod dense;
 mod estimator;
 mod filters;
 mod fit;
+pub mod ground;
+pub mod scene;
 mod visible;
 
 pub use centers::{Center2d, Center3d, PartEvidence, model_centers, part_evidence};

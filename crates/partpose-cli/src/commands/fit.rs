@@ -8,12 +8,13 @@ use partpose::formats::{
     DetectionFile, DetectionFileError, ResultSettings, image_result, read_detections,
 };
 use partpose::geometry::{Camera, Extent};
-use partpose::pose::dense::{MaskBias, SizePrior};
+use partpose::pose::dense::SizePrior;
 use partpose::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator};
 use partpose::vehicle::ModelZoo;
 use rayon::prelude::*;
 
 use crate::camera::load_camera;
+use crate::commands::mask_bias;
 use crate::commands::result_files::{self, Pictured};
 use crate::pose_flags::PoseFlags;
 use crate::progress;
@@ -119,7 +120,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         ),
     })?;
     let mut options = arguments.pose.options();
-    options.dense.mask_bias = arguments.mask_bias.as_deref().map(read_mask_bias).transpose()?;
+    options.dense.mask_bias = arguments.mask_bias.as_deref().map(mask_bias::read).transpose()?;
     let zoo = match &arguments.zoo {
         Some(folder) => ModelZoo::load(folder)?,
         None => ModelZoo::embedded(),
@@ -170,16 +171,6 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Skipped);
     }
     Ok(if total.skipped == 0 { Outcome::Done } else { Outcome::Skipped })
-}
-
-fn read_mask_bias(path: &Path) -> anyhow::Result<MaskBias> {
-    let text = files::read(path)?;
-    serde_json::from_slice(&text).map_err(|error| {
-        hint(
-            anyhow::anyhow!("`{}` is no mask bias: {error}", path.display()),
-            "`evaluate poses --mask-bias WORLDS` writes one as `mask-bias.json`",
-        )
-    })
 }
 
 fn extent_in_words(extent: FitExtent, has_extents: bool) -> String {

@@ -30,6 +30,8 @@ pub use bias::MaskBias;
 pub use priors::{DensePriors, GravityPrior, GroundPrior, SizePrior};
 pub use uncertainty::{DenseFlag, DenseReport, SecondMode};
 
+pub(super) use priors::across;
+
 use super::{ExtentSource, NoPose};
 use hypotheses::Outline;
 use lm::Workspace;

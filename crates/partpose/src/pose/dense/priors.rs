@@ -205,7 +205,7 @@ impl Terms {
 }
 
 /// Two unit vectors orthogonal to a unit vector and to each other.
-pub(super) fn across(axis: &Vector3) -> [Vector3; 2] {
+pub(in crate::pose) fn across(axis: &Vector3) -> [Vector3; 2] {
     let helper = if axis.x.abs() < 0.5 { Vector3::x() } else { Vector3::z() };
     let a = (helper - axis * axis.dot(&helper)).normalize();
     [a, axis.cross(&a)]
