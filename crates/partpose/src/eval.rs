@@ -5,6 +5,7 @@ pub mod bop;
 pub mod coco;
 pub mod kitti;
 pub mod pnp;
+pub mod uncertainty;
 
 mod input;
 mod mask_bias;

@@ -11,6 +11,8 @@ mod estimator;
 mod filters;
 mod fit;
 pub mod ground;
+mod observed;
+mod reasons;
 pub mod scene;
 mod visible;
 
@@ -20,3 +22,5 @@ pub use estimator::{
     PoseEstimator, PoseOptions,
 };
 pub use filters::{DEFAULT_SMALL_PART, PartFilters};
+pub use observed::{PartState, PartVerdict};
+pub use reasons::{Reason, ReasonCode, reasons};

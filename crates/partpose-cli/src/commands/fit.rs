@@ -222,7 +222,10 @@ fn fit_image(job: &Job, image: ImageDetections) -> anyhow::Result<Counts> {
                 (FitExtent::Free, _) => ExtentSource::Free(SizePrior::around(None)),
                 (FitExtent::File | FitExtent::Model, _) => ExtentSource::Model,
             };
-            let estimate = job.estimator.estimate(&job.camera, &detection, &extent);
+            let mut estimate = job.estimator.estimate(&job.camera, &detection, &extent);
+            if let Ok(estimate) = &mut estimate {
+                job.estimator.observe(&job.camera, &detection, estimate);
+            }
             (detection, estimate)
         })
         .collect();

@@ -1,5 +1,7 @@
 //! Poses of all labelled vehicles of some frames, by the oracle, under several configurations at once.
 
+use std::time::Instant;
+
 use rayon::prelude::*;
 
 use crate::dataset::{DatasetError, Frame};
@@ -10,6 +12,7 @@ use crate::pose::dense::SizePrior;
 use crate::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator, PoseOptions};
 use crate::vehicle::ModelZoo;
 
+use super::uncertainty::{Sureness, sureness};
 use super::{PoseDeviation, Scored, pose_deviation};
 
 /// What is compared: a row of one of the paper's tables.
@@ -65,6 +68,10 @@ pub struct VehicleOutcome {
     pub estimate: Result<PoseEstimate, NoPose>,
     /// Its deviation from the truth.
     pub scored: Scored,
+    /// What the dense fit said of itself, against the truth.
+    pub sureness: Option<Sureness>,
+    /// Seconds that the estimate took on one thread, with whatever else the machine did then.
+    pub seconds: f64,
     /// The paper's PA of the detection's mask.
     pub pixel_accuracy: f64,
 }
@@ -146,16 +153,70 @@ fn evaluate_vehicle(
         TruthExtent::None => ExtentSource::Model,
         TruthExtent::Free => ExtentSource::Free(SizePrior::around(None)),
     };
+    let start = Instant::now();
     let estimate = match &detection {
         Some(detection) => estimator.estimate(&frame.camera, detection, &extent),
         None => Err(NoPose::TooFewCorrespondences { found: 0, seen: 0 }),
     };
+    let seconds = start.elapsed().as_secs_f64();
     let scored = estimate.as_ref().ok().map(|estimate| deviation(frame, vehicle, estimate));
+    let sureness = match (&estimate, &scored) {
+        (Ok(estimate), Some(scored)) => sureness(estimate, &label.cuboid, scored.model_is_right),
+        _ => None,
+    };
+    if let (Ok(e), Ok(_)) = (&estimate, std::env::var("D2DUMP")) {
+        if let Some(d) = &e.dense {
+            let (a, b) = (e.cuboid(), label.cuboid);
+            let w = (b.camera_from_vehicle.rotation * a.camera_from_vehicle.rotation.inverse())
+                .scaled_axis();
+            let c = b.center() - a.center();
+            let mut v: Vec<f64> = vec![
+                w.x,
+                w.y,
+                w.z,
+                c.x,
+                c.y,
+                c.z,
+                scored.as_ref().unwrap().iou3d,
+                f64::from(u8::from(scored.as_ref().unwrap().model_is_right)),
+                b.extent.length,
+                f64::from(label.truncated),
+                f64::from(label.occluded),
+                detection.as_ref().map_or(0.0, |d| d.bounds.height()),
+            ];
+            let truth_model = estimator
+                .model_names()
+                .iter()
+                .position(|n| Some(n.as_str()) == label.model.as_deref())
+                .map_or(-1.0, |i| i as f64);
+            v.push(truth_model);
+            v.push(e.model_index as f64);
+            let second = d.second_mode.map_or([0.0; 3], |m| {
+                let s = crate::geometry::Cuboid {
+                    camera_from_vehicle: m.camera_from_vehicle,
+                    extent: m.extent,
+                };
+                [1.0, s.iou(&b), m.energy]
+            });
+            v.extend(second);
+            v.push(d.energy);
+            v.push(d.foreground);
+            v.push(e.candidates.len() as f64);
+            v.extend(e.candidates.iter().map(|c| c.outcome.as_ref().map_or(f64::NAN, |x| *x)));
+            v.extend(&d.model_probabilities);
+            v.push(d.second_mode.map_or(0.0, |m| m.probability));
+            v.extend(d.covariance.iter());
+            v.push(d.debug.len() as f64);
+            v.extend(&d.debug);
+            let line: Vec<String> = v.iter().map(|x| format!("{x:.6e}")).collect();
+            eprintln!("D2 {} {} {}", frame.name(), vehicle, line.join(" "));
+        }
+    }
     let scaling = configuration.pose.scaling;
     let pixel_accuracy = detection
         .as_ref()
         .map_or(0.0, |d| accuracy(oracle, vehicle, d, frame.camera.size, scaling));
-    VehicleOutcome { vehicle, detection, estimate, scored, pixel_accuracy }
+    VehicleOutcome { vehicle, detection, estimate, scored, sureness, seconds, pixel_accuracy }
 }
 
 fn deviation(frame: &Frame, vehicle: usize, estimate: &PoseEstimate) -> PoseDeviation {

@@ -5,6 +5,7 @@ mod frames;
 mod output;
 mod pictures;
 mod rows;
+mod uncertainty;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;

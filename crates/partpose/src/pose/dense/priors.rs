@@ -100,6 +100,11 @@ impl SizeTerm {
         let finite = information.iter().all(|value| value.is_finite());
         finite.then(|| Self { mean: (extent.to_vector() * 0.5).map(f64::ln), information })
     }
+
+    /// Covariance of the logarithms.
+    pub(super) fn covariance(&self) -> Option<Matrix3<f64>> {
+        self.information.try_inverse()
+    }
 }
 
 /// All priors of one model.
