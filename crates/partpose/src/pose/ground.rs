@@ -143,11 +143,7 @@ impl GroundPlane {
         let b = &bottom.coords;
         let by = Column::new(self.tilts[0].dot(b), self.tilts[1].dot(b), -self.height);
         let variance = by.dot(&(self.covariance * by)) + self.contact_sigma.powi(2);
-        GroundPrior {
-            normal_in_camera: self.normal,
-            offset: self.height,
-            sigma: variance.sqrt(),
-        }
+        GroundPrior { normal_in_camera: self.normal, offset: self.height, sigma: variance.sqrt() }
     }
 
     /// The same as a prior on roll and pitch.
@@ -165,7 +161,8 @@ mod tests {
     use super::*;
 
     fn footings(normal: &Vector3, height: f64, scales: &[f64]) -> Vec<Footing> {
-        let places = [(-3.0, 8.0), (2.0, 14.0), (-6.0, 21.0), (4.0, 27.0), (0.5, 35.0), (-8.0, 41.0)];
+        let places =
+            [(-3.0, 8.0), (2.0, 14.0), (-6.0, 21.0), (4.0, 27.0), (0.5, 35.0), (-8.0, 41.0)];
         let on_plane = |(x, z): (f64, f64)| {
             let y = (height - normal.x * x - normal.z * z) / normal.y;
             Vector3::new(x, y, z)
