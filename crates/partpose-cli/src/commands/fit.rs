@@ -9,6 +9,7 @@ use partpose::formats::{
 };
 use partpose::geometry::{Camera, Extent};
 use partpose::pose::dense::SizePrior;
+use partpose::pose::scene::{SceneDetection, estimate_scene};
 use partpose::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator};
 use partpose::vehicle::ModelZoo;
 use rayon::prelude::*;
@@ -19,6 +20,7 @@ use crate::commands::result_files::{self, Pictured};
 use crate::pose_flags::PoseFlags;
 use crate::progress;
 use crate::report::{Outcome, hint, note, warn};
+use crate::scene_flags::SceneFlags;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
@@ -48,6 +50,8 @@ pub(crate) struct Arguments {
     /// How far masks lie off the models' outlines, for the dense fit: `mask-bias.json` of `evaluate poses --mask-bias`
     #[arg(long, value_name = "FILE")]
     mask_bias: Option<PathBuf>,
+    #[command(flatten)]
+    scene: SceneFlags,
     #[command(flatten)]
     pose: PoseFlags,
     /// Folder for results: one JSON, one KITTI text and one picture an image
@@ -212,23 +216,29 @@ fn by_image(file: DetectionFile, min_score: f64) -> anyhow::Result<Vec<ImageDete
 fn fit_image(job: &Job, image: ImageDetections) -> anyhow::Result<Counts> {
     let arguments = job.arguments;
     let ImageDetections { name, stem, detections } = image;
-    let estimated: Vec<(Detection, Result<PoseEstimate, NoPose>)> = detections
-        .into_iter()
-        .map(|(detection, own)| {
-            let extent = match (arguments.extent, own) {
-                (FitExtent::Given(extent), _) | (FitExtent::File, Some(extent)) => {
-                    ExtentSource::Given(extent)
-                }
-                (FitExtent::Free, _) => ExtentSource::Free(SizePrior::around(None)),
-                (FitExtent::File | FitExtent::Model, _) => ExtentSource::Model,
-            };
-            let mut estimate = job.estimator.estimate(&job.camera, &detection, &extent);
-            if let Ok(estimate) = &mut estimate {
-                job.estimator.observe(&job.camera, &detection, estimate);
-            }
-            (detection, estimate)
+    let sizes: Vec<ExtentSource> = detections
+        .iter()
+        .map(|(_, own)| match (arguments.extent, own) {
+            (FitExtent::Given(extent), _) => ExtentSource::Given(extent),
+            (FitExtent::File, Some(extent)) => ExtentSource::Given(*extent),
+            (FitExtent::Free, _) => ExtentSource::Free(SizePrior::around(None)),
+            (FitExtent::File | FitExtent::Model, _) => ExtentSource::Model,
         })
         .collect();
+    let given: Vec<SceneDetection> = detections
+        .iter()
+        .zip(sizes)
+        .map(|((detection, _), extent)| SceneDetection { detection, extent })
+        .collect();
+    let scene = arguments.scene.options();
+    let found = estimate_scene(&job.estimator, &job.zoo, &job.camera, &given, &scene);
+    let mut estimated: Vec<(Detection, Result<PoseEstimate, NoPose>)> =
+        detections.into_iter().map(|(detection, _)| detection).zip(found.vehicles).collect();
+    for (detection, estimate) in &mut estimated {
+        if let Ok(estimate) = estimate {
+            job.estimator.observe(&job.camera, detection, estimate);
+        }
+    }
     let posed = estimated.iter().filter(|(_, estimate)| estimate.is_ok()).count();
     let mut counts = Counts { posed, without: estimated.len() - posed, skipped: 0 };
     let result = image_result(&name, &job.camera, &job.settings, &estimated);

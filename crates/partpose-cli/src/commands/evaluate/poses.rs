@@ -68,7 +68,8 @@ pub(crate) struct Arguments {
     mask_bias: Vec<String>,
     #[command(flatten)]
     scene: scene::Flags,
-    /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration
+    /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration; with `--fit epnp`,
+    /// the paper's solver, unless another one of centres is asked for
     #[arg(long, conflicts_with_all = ["kernel", "scaling", "refine", "points_2d", "points_3d", "filters"])]
     tables: bool,
     /// Draw this many frames, evenly spread, under the last configuration

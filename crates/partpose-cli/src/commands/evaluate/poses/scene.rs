@@ -5,6 +5,7 @@ use partpose::eval::{Configuration, EvaluationOptions, SceneProtocol, measure_ca
 use partpose::pose::ground::GroundOptions;
 
 use crate::report::{hint, note};
+use crate::scene_flags::{HEIGHT_SIGMA, height};
 
 #[derive(clap::Args)]
 pub(super) struct Flags {
@@ -33,16 +34,7 @@ enum Gravity {
     Vehicles,
 }
 
-fn height(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.1..=20.0).contains(&value) => Ok(value),
-        _ => Err("a height from 0.1 to 20 metres is meant, such as 1.65".to_owned()),
-    }
-}
-
-/// How well a given height is known, as a share of it.
-const GIVEN: f64 = 0.01;
-/// The same for one that is estimated over a sequence.
+/// How well a height is known that is estimated over a sequence, as a share of it.
 const ESTIMATED: f64 = 0.01;
 /// Every how many frames the height is estimated.
 const STRIDE: usize = 5;
@@ -50,7 +42,7 @@ const STRIDE: usize = 5;
 impl Flags {
     /// What the flags ask for; `None` if vehicles are fitted each alone.
     pub(super) fn protocol(&self) -> Option<SceneProtocol> {
-        let camera_height = self.camera_height.map(|height| [height, GIVEN]);
+        let camera_height = self.camera_height.map(|height| [height, HEIGHT_SIGMA]);
         let protocol = SceneProtocol {
             ground: self.ground.then(|| GroundOptions { camera_height, ..Default::default() }),
             gravity_from_poses: self.ground && self.gravity == Gravity::Poses,
