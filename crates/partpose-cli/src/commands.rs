@@ -7,6 +7,7 @@ pub(crate) mod explain;
 pub(crate) mod export;
 pub(crate) mod fit;
 pub(crate) mod label;
+mod mask_bias;
 pub(crate) mod provenance;
 pub(crate) mod result_files;
 pub(crate) mod synth;

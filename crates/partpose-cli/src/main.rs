@@ -5,6 +5,7 @@ mod commands;
 mod pose_flags;
 mod progress;
 mod report;
+mod scene_flags;
 
 use std::process::ExitCode;
 

@@ -10,8 +10,10 @@ pub mod dense;
 mod estimator;
 mod filters;
 mod fit;
+pub mod ground;
 mod observed;
 mod reasons;
+pub mod scene;
 mod visible;
 
 pub use centers::{Center2d, Center3d, PartEvidence, model_centers, part_evidence};

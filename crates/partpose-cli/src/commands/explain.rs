@@ -16,7 +16,7 @@ use partpose::viz::{Explanation, explain};
 
 use crate::camera::load_camera;
 use crate::commands::fit::{self, FitExtent};
-use crate::commands::result_files;
+use crate::commands::{mask_bias as bias_files, result_files};
 use crate::progress;
 use crate::report::{Outcome, hint, note, warn};
 
@@ -107,7 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Some(folder) => ModelZoo::load(folder)?,
         None => ModelZoo::embedded(),
     };
-    let mask_bias = arguments.mask_bias.as_deref().map(fit::read_mask_bias).transpose()?;
+    let mask_bias = arguments.mask_bias.as_deref().map(bias_files::read).transpose()?;
     let dense = DenseOptions { mask_bias, ..Default::default() };
     let options = PoseOptions { method: PnpMethod::Dense, dense, ..Default::default() };
     let estimator = PoseEstimator::new(&zoo, &options);
@@ -252,6 +252,7 @@ fn strength(
         bounds: OracleBox::Annotated,
         include: &|_, _| true,
         keep_detections: &|_, _| false,
+        scene: None,
     };
     let configuration = Configuration {
         name: String::new(),

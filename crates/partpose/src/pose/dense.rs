@@ -31,6 +31,8 @@ pub use bias::MaskBias;
 pub use judgement::{DenseFlag, DenseHypothesis, DenseReport, DepthAndSize, ModeKind, SecondMode};
 pub use priors::{DensePriors, GravityPrior, GroundPrior, SizePrior};
 
+pub(super) use priors::across;
+
 use super::{ExtentSource, NoPose};
 use hypotheses::Outline;
 use judgement::{Evidence, Suspicion};

@@ -6,6 +6,7 @@ mod frames;
 mod output;
 mod pictures;
 mod rows;
+mod scene;
 mod uncertainty;
 
 use std::collections::BTreeSet;
@@ -15,13 +16,14 @@ use clap::ValueEnum;
 use partpose::dataset::folds::Folds;
 use partpose::dataset::{Dataset, Frame};
 use partpose::eval::{
-    Configuration, EvaluationOptions, Stratum, TruthExtent, VehicleOutcome, evaluate_frames,
+    Configuration, EvaluationOptions, SceneProtocol, Stratum, TruthExtent, VehicleOutcome,
+    evaluate_frames,
 };
 use partpose::files;
 use partpose::oracle::OracleBox;
 use partpose::vehicle::ModelZoo;
 
-use crate::commands::provenance;
+use crate::commands::{mask_bias, provenance};
 use crate::pose_flags::PoseFlags;
 use crate::progress;
 use crate::report::{Outcome, hint, note, warn, warn_error};
@@ -62,10 +64,13 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value = "truth")]
     extent: ExtentFlag,
     /// Worlds on which it is measured how far masks lie off the models' outlines, for the dense fit; with `--fold` on
-    /// the tracks of the other folds
-    #[arg(long, value_delimiter = ',', value_name = "WORLDS")]
+    /// the tracks of the other folds; `zoo` takes what was measured when the zoo was carved
+    #[arg(long, value_delimiter = ',', value_name = "WORLDS|zoo")]
     mask_bias: Vec<String>,
-    /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration
+    #[command(flatten)]
+    scene: scene::Flags,
+    /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration; with `--fit epnp`,
+    /// the paper's solver, unless another one of centres is asked for
     #[arg(long, conflicts_with_all = ["kernel", "scaling", "refine", "points_2d", "points_3d", "filters"])]
     tables: bool,
     /// The dense fit beside the paper's method and the best setting of points: every row of the tables, by distance,
@@ -184,7 +189,7 @@ fn evaluate(
     files::create_folder(&arguments.out)?;
     let mut configurations = rows::configurations(arguments);
     if let Some(target) = arguments.degrade {
-        let options = options(arguments, &zoos[0], &|_, _| true, &|_, _| false);
+        let options = options(arguments, &zoos[0], &|_, _| true, &|_, _| false, None);
         rows::degrade(&mut configurations, &frames, &options, target, arguments.pose.seed)?;
     }
     let last = configurations.len() - 1;
@@ -207,13 +212,18 @@ fn evaluate(
                 dealt.is_none()
                     || (frame.vehicles[vehicle].track.is_some() && !include(frame, vehicle))
             };
-            let bias = bias::measure(arguments, dataset, zoo, *fold, &others)?;
+            let bias = if arguments.mask_bias == ["zoo"] {
+                mask_bias::read(&frames::zoo_path(arguments, *fold).join(mask_bias::NAME))?
+            } else {
+                bias::measure(arguments, dataset, zoo, *fold, &others)?
+            };
             for configuration in &mut configurations {
                 configuration.pose.dense.mask_bias = Some(bias);
             }
         }
         let keep = |frame: &Frame, index: usize| index == last && pictures.shows(frame);
-        let options = options(arguments, zoo, &include, &keep);
+        let mut options = options(arguments, zoo, &include, &keep, arguments.scene.protocol());
+        scene::measure(&mut options, &frames, &configurations[last])?;
         let bar = progress::bar("frames", frames.len() as u64);
         let outcomes = evaluate_frames(&frames, &options, &configurations, &|| bar.inc(1));
         bar.finish_and_clear();
@@ -245,6 +255,7 @@ fn options<'a>(
     zoo: &'a ModelZoo,
     include: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
     keep_detections: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
+    scene: Option<SceneProtocol>,
 ) -> EvaluationOptions<'a> {
     EvaluationOptions {
         zoo,
@@ -260,6 +271,7 @@ fn options<'a>(
         },
         include,
         keep_detections,
+        scene,
     }
 }
 

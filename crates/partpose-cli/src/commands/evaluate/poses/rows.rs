@@ -4,7 +4,7 @@ use partpose::dataset::Frame;
 use partpose::eval::{Configuration, EvaluationOptions, calibrate, paper_configurations};
 use partpose::oracle::Degradation;
 use partpose::parts::Scaling;
-use partpose::pose::{Center2d, Center3d, PoseOptions};
+use partpose::pose::{Center2d, Center3d, PnpMethod, PoseOptions};
 
 use super::{Arguments, compare};
 use crate::report::{hint, warn};
@@ -19,7 +19,11 @@ pub(super) fn configurations(arguments: &Arguments) -> Vec<Configuration> {
     if let Some(rows) = arguments.comparison {
         return compare::configurations(rows, arguments.pose.seed);
     }
-    let base = arguments.pose.options();
+    let mut base = arguments.pose.options();
+    if arguments.tables && base.method == PnpMethod::Dense {
+        // The tables are of centres of parts.
+        base.method = PnpMethod::Epnp;
+    }
     if !arguments.tables {
         let (name, kernel) = ("as asked".to_owned(), arguments.kernel as usize);
         return vec![Configuration { name, kernel, pose: base, degradation: None }];
