@@ -13,7 +13,7 @@ use super::models::{Hypothesis, NEIGHBOURS};
 use super::state::State;
 
 /// How much more energy, as a share of the best and in cells besides, makes a hypothesis e times less likely.
-const TEMPER: [f64; 2] = [0.06, 1e-3];
+const TEMPER: [f64; 2] = [0.05, 1e-3];
 /// Relative difference of distances from which two poses are two.
 const FARTHER: f64 = 0.1;
 /// Cells below which a fit is flagged.
@@ -291,7 +291,7 @@ impl Evidence {
 }
 
 /// Weights of [`Evidence::features`].
-const WEIGHTS: [f64; Evidence::COUNT] = [-6.6, 0.54, 0.34, -0.06, 0.56, 0.49, -2.23, -0.97];
+const WEIGHTS: [f64; Evidence::COUNT] = [-1.37, 1.33, 0.11, -0.24, 0.67, 0.47, -1.91, -0.74];
 
 /// The probability that the fit is good: logistic in its evidence.
 pub(super) fn confidence(evidence: &Evidence) -> f64 {
