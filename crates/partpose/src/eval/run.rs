@@ -133,7 +133,7 @@ fn evaluate_frame(
         };
         fitted.retain(|fitted| vehicles.contains(&fitted.vehicle));
         let one = |fitted: Fitted| {
-            let outcome = outcome(frame, fitted, &oracle, stage);
+            let outcome = outcome(frame, fitted, &oracle, configuration);
             VehicleOutcome { detection: outcome.detection.filter(|_| keep), ..outcome }
         };
         fitted.into_iter().map(one).collect()
@@ -179,7 +179,7 @@ fn outcome(
     frame: &Frame,
     fitted: Fitted,
     oracle: &Oracle,
-    (configuration, estimator): (&Configuration, &PoseEstimator),
+    configuration: &Configuration,
 ) -> VehicleOutcome {
     let Fitted { vehicle, detection, estimate, seconds } = fitted;
     let label = &frame.vehicles[vehicle];
