@@ -5,6 +5,7 @@ mod commands;
 mod pose_flags;
 mod progress;
 mod report;
+mod scene_flags;
 
 use std::process::ExitCode;
 
@@ -34,6 +35,8 @@ enum Command {
     Synth(commands::synth::Arguments),
     /// Turn anybody's detections into poses
     Fit(commands::fit::Arguments),
+    /// Draw why each vehicle was found where it was, and how sure that is
+    Explain(commands::explain::Arguments),
     /// Write the results of `fit` in other programs' formats
     Export(commands::export::Arguments),
     /// Write results as a page in 3D that opens without a network
@@ -57,6 +60,7 @@ fn main() -> ExitCode {
         Command::Label(arguments) => commands::label::run(&arguments),
         Command::Synth(arguments) => commands::synth::run(&arguments),
         Command::Fit(arguments) => commands::fit::run(&arguments),
+        Command::Explain(arguments) => commands::explain::run(&arguments),
         Command::Export(arguments) => commands::export::run(&arguments),
         Command::View(arguments) => commands::view::run(&arguments),
         Command::Report(arguments) => commands::report::run(&arguments),

@@ -5,12 +5,14 @@ pub mod bop;
 pub mod coco;
 pub mod kitti;
 pub mod pnp;
+pub mod uncertainty;
 
 mod input;
 mod mask_bias;
 mod poses;
 pub mod ranking;
 mod run;
+mod scene;
 mod table;
 mod tables;
 
@@ -21,5 +23,6 @@ pub use run::{
     Configuration, EvaluationOptions, FrameOutcome, Progress, TruthExtent, VehicleOutcome,
     calibrate, evaluate_frames,
 };
+pub use scene::{SceneProtocol, measure_camera_height};
 pub use table::Table;
 pub use tables::{Stratum, breakdown, paper_configurations, paper_tables, score_table};

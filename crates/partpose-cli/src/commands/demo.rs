@@ -98,7 +98,10 @@ fn find(frame: &Frame, oracle: &Oracle, estimator: &PoseEstimator, seed: u64) ->
             let detection = oracle.detection(vehicle, &options)?;
             // The paper's protocol: the size is given, since one image cannot tell it from the distance.
             let extent = ExtentSource::Given(frame.vehicles[vehicle].cuboid.extent);
-            let estimate = estimator.estimate(&frame.camera, &detection, &extent);
+            let mut estimate = estimator.estimate(&frame.camera, &detection, &extent);
+            if let Ok(estimate) = &mut estimate {
+                estimator.observe(&frame.camera, &detection, estimate);
+            }
             Some(Found { vehicle, detection, estimate })
         })
         .collect()

@@ -8,16 +8,19 @@ use partpose::formats::{
     DetectionFile, DetectionFileError, ResultSettings, image_result, read_detections,
 };
 use partpose::geometry::{Camera, Extent};
-use partpose::pose::dense::{MaskBias, SizePrior};
+use partpose::pose::dense::SizePrior;
+use partpose::pose::scene::{SceneDetection, estimate_scene};
 use partpose::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator};
 use partpose::vehicle::ModelZoo;
 use rayon::prelude::*;
 
 use crate::camera::load_camera;
+use crate::commands::mask_bias;
 use crate::commands::result_files::{self, Pictured};
 use crate::pose_flags::PoseFlags;
 use crate::progress;
 use crate::report::{Outcome, hint, note, warn};
+use crate::scene_flags::SceneFlags;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
@@ -48,6 +51,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     mask_bias: Option<PathBuf>,
     #[command(flatten)]
+    scene: SceneFlags,
+    #[command(flatten)]
     pose: PoseFlags,
     /// Folder for results: one JSON, one KITTI text and one picture an image
     #[arg(long, value_name = "DIR")]
@@ -55,14 +60,14 @@ pub(crate) struct Arguments {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum FitExtent {
+pub(super) enum FitExtent {
     File,
     Model,
     Free,
     Given(Extent),
 }
 
-fn parse_extent(text: &str) -> Result<FitExtent, String> {
+pub(super) fn parse_extent(text: &str) -> Result<FitExtent, String> {
     match text {
         "file" => return Ok(FitExtent::File),
         "model" => return Ok(FitExtent::Model),
@@ -84,6 +89,17 @@ fn parse_extent(text: &str) -> Result<FitExtent, String> {
         }
         _ => Err("`file`, `model`, `free` or width,height,length is meant, such as 1.8,1.5,4.4"
             .to_owned()),
+    }
+}
+
+impl FitExtent {
+    /// Where the size of a detection comes from that may have one of its own.
+    pub(super) fn source(self, own: Option<Extent>) -> ExtentSource {
+        match (self, own) {
+            (Self::Given(extent), _) | (Self::File, Some(extent)) => ExtentSource::Given(extent),
+            (Self::Free, _) => ExtentSource::Free(SizePrior::around(None)),
+            (Self::File | Self::Model, _) => ExtentSource::Model,
+        }
     }
 }
 
@@ -119,7 +135,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         ),
     })?;
     let mut options = arguments.pose.options();
-    options.dense.mask_bias = arguments.mask_bias.as_deref().map(read_mask_bias).transpose()?;
+    options.dense.mask_bias = arguments.mask_bias.as_deref().map(mask_bias::read).transpose()?;
     let zoo = match &arguments.zoo {
         Some(folder) => ModelZoo::load(folder)?,
         None => ModelZoo::embedded(),
@@ -172,16 +188,6 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(if total.skipped == 0 { Outcome::Done } else { Outcome::Skipped })
 }
 
-fn read_mask_bias(path: &Path) -> anyhow::Result<MaskBias> {
-    let text = files::read(path)?;
-    serde_json::from_slice(&text).map_err(|error| {
-        hint(
-            anyhow::anyhow!("`{}` is no mask bias: {error}", path.display()),
-            "`evaluate poses --mask-bias WORLDS` writes one as `mask-bias.json`",
-        )
-    })
-}
-
 fn extent_in_words(extent: FitExtent, has_extents: bool) -> String {
     match extent {
         FitExtent::File if has_extents => "given with the detections".to_owned(),
@@ -221,20 +227,22 @@ fn by_image(file: DetectionFile, min_score: f64) -> anyhow::Result<Vec<ImageDete
 fn fit_image(job: &Job, image: ImageDetections) -> anyhow::Result<Counts> {
     let arguments = job.arguments;
     let ImageDetections { name, stem, detections } = image;
-    let estimated: Vec<(Detection, Result<PoseEstimate, NoPose>)> = detections
-        .into_iter()
-        .map(|(detection, own)| {
-            let extent = match (arguments.extent, own) {
-                (FitExtent::Given(extent), _) | (FitExtent::File, Some(extent)) => {
-                    ExtentSource::Given(extent)
-                }
-                (FitExtent::Free, _) => ExtentSource::Free(SizePrior::around(None)),
-                (FitExtent::File | FitExtent::Model, _) => ExtentSource::Model,
-            };
-            let estimate = job.estimator.estimate(&job.camera, &detection, &extent);
-            (detection, estimate)
-        })
+    let sizes: Vec<ExtentSource> =
+        detections.iter().map(|(_, own)| arguments.extent.source(*own)).collect();
+    let given: Vec<SceneDetection> = detections
+        .iter()
+        .zip(sizes)
+        .map(|((detection, _), extent)| SceneDetection { detection, extent })
         .collect();
+    let scene = arguments.scene.options();
+    let found = estimate_scene(&job.estimator, &job.zoo, &job.camera, &given, &scene);
+    let mut estimated: Vec<(Detection, Result<PoseEstimate, NoPose>)> =
+        detections.into_iter().map(|(detection, _)| detection).zip(found.vehicles).collect();
+    for (detection, estimate) in &mut estimated {
+        if let Ok(estimate) = estimate {
+            job.estimator.observe(&job.camera, detection, estimate);
+        }
+    }
     let posed = estimated.iter().filter(|(_, estimate)| estimate.is_ok()).count();
     let mut counts = Counts { posed, without: estimated.len() - posed, skipped: 0 };
     let result = image_result(&name, &job.camera, &job.settings, &estimated);
@@ -270,7 +278,7 @@ fn fit_image(job: &Job, image: ImageDetections) -> anyhow::Result<Counts> {
 }
 
 /// The image by its name below a folder; the file of detections must not lead out of it.
-fn read_image(folder: &Path, name: &str, camera: &Camera) -> anyhow::Result<RgbImage> {
+pub(super) fn read_image(folder: &Path, name: &str, camera: &Camera) -> anyhow::Result<RgbImage> {
     let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_)));
     if !inside {
         anyhow::bail!("the name `{name}` leads out of `{}`", folder.display());

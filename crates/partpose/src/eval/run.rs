@@ -1,8 +1,10 @@
 //! Poses of all labelled vehicles of some frames, by the oracle, under several configurations at once.
 
+use std::time::Instant;
+
 use rayon::prelude::*;
 
-use crate::dataset::{DatasetError, Frame};
+use crate::dataset::{DatasetError, Frame, VehicleLabel};
 use crate::detection::Detection;
 use crate::oracle::{Degradation, Oracle, OracleBox, OracleOptions, strength_for_accuracy};
 use crate::parts::Scaling;
@@ -10,6 +12,8 @@ use crate::pose::dense::SizePrior;
 use crate::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator, PoseOptions};
 use crate::vehicle::ModelZoo;
 
+use super::scene::{self, Fitted, SceneProtocol};
+use super::uncertainty::{Sureness, sureness};
 use super::{PoseDeviation, Scored, pose_deviation};
 
 /// What is compared: a row of one of the paper's tables.
@@ -52,6 +56,8 @@ pub struct EvaluationOptions<'a> {
     /// Whose detections are kept, by frame and index of the configuration, to be drawn; all of them would fill the
     /// memory.
     pub keep_detections: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
+    /// How the vehicles of a frame are fitted together; each alone if not given.
+    pub scene: Option<SceneProtocol>,
 }
 
 /// What became of one vehicle under one configuration.
@@ -65,6 +71,10 @@ pub struct VehicleOutcome {
     pub estimate: Result<PoseEstimate, NoPose>,
     /// Its deviation from the truth.
     pub scored: Scored,
+    /// What the dense fit said of itself, against the truth.
+    pub sureness: Option<Sureness>,
+    /// Seconds that the estimate took on one thread, with whatever else the machine did then.
+    pub seconds: f64,
     /// The paper's PA of the detection's mask.
     pub pixel_accuracy: f64,
 }
@@ -116,46 +126,73 @@ fn evaluate_frame(
     let oracle = Oracle::new(frame, frame.read_parts()?, options.zoo);
     let run = |(index, (configuration, estimator)): (usize, (&Configuration, &PoseEstimator))| {
         let keep = (options.keep_detections)(frame, index);
-        let one = |vehicle: &usize| {
-            let outcome =
-                evaluate_vehicle(frame, *vehicle, options, &oracle, (configuration, estimator));
+        let stage = (configuration, estimator);
+        let mut fitted = match &options.scene {
+            Some(protocol) => scene::fit(frame, options, protocol, &oracle, stage),
+            None => vehicles.iter().map(|v| alone(frame, *v, options, &oracle, stage)).collect(),
+        };
+        fitted.retain(|fitted| vehicles.contains(&fitted.vehicle));
+        let one = |fitted: Fitted| {
+            let outcome = outcome(frame, fitted, &oracle, configuration);
             VehicleOutcome { detection: outcome.detection.filter(|_| keep), ..outcome }
         };
-        vehicles.iter().map(one).collect()
+        fitted.into_iter().map(one).collect()
     };
     Ok(configurations.iter().zip(estimators).enumerate().map(run).collect())
 }
 
-fn evaluate_vehicle(
+/// Where a vehicle's size comes from.
+pub(super) fn extent_source(extent: TruthExtent, label: &VehicleLabel) -> ExtentSource {
+    match extent {
+        TruthExtent::PerAxis => ExtentSource::Given(label.cuboid.extent),
+        TruthExtent::Uniform => ExtentSource::GivenUniform(label.cuboid.extent),
+        TruthExtent::None => ExtentSource::Model,
+        TruthExtent::Free => ExtentSource::Free(SizePrior::around(None)),
+    }
+}
+
+/// One vehicle by itself.
+fn alone(
     frame: &Frame,
     vehicle: usize,
     options: &EvaluationOptions,
     oracle: &Oracle,
     (configuration, estimator): (&Configuration, &PoseEstimator),
-) -> VehicleOutcome {
-    let label = &frame.vehicles[vehicle];
+) -> Fitted {
     let oracle_options = OracleOptions {
         kernel: configuration.kernel,
         bounds: options.bounds,
         degradation: configuration.degradation,
     };
     let detection = oracle.detection(vehicle, &oracle_options);
-    let extent = match options.extent {
-        TruthExtent::PerAxis => ExtentSource::Given(label.cuboid.extent),
-        TruthExtent::Uniform => ExtentSource::GivenUniform(label.cuboid.extent),
-        TruthExtent::None => ExtentSource::Model,
-        TruthExtent::Free => ExtentSource::Free(SizePrior::around(None)),
-    };
+    let extent = extent_source(options.extent, &frame.vehicles[vehicle]);
+    let start = Instant::now();
     let estimate = match &detection {
         Some(detection) => estimator.estimate(&frame.camera, detection, &extent),
         None => Err(NoPose::TooFewCorrespondences { found: 0, seen: 0 }),
     };
+    Fitted { vehicle, detection, estimate, seconds: start.elapsed().as_secs_f64() }
+}
+
+/// A fit against the truth.
+fn outcome(
+    frame: &Frame,
+    fitted: Fitted,
+    oracle: &Oracle,
+    configuration: &Configuration,
+) -> VehicleOutcome {
+    let Fitted { vehicle, detection, estimate, seconds } = fitted;
+    let label = &frame.vehicles[vehicle];
     let scored = estimate.as_ref().ok().map(|estimate| deviation(frame, vehicle, estimate));
+    let sureness = match (&estimate, &scored) {
+        (Ok(estimate), Some(scored)) => sureness(estimate, &label.cuboid, scored.model_is_right),
+        _ => None,
+    };
     let scaling = configuration.pose.scaling;
     let pixel_accuracy = detection
         .as_ref()
         .map_or(0.0, |d| accuracy(oracle, vehicle, d, frame.camera.size, scaling));
-    VehicleOutcome { vehicle, detection, estimate, scored, pixel_accuracy }
+    VehicleOutcome { vehicle, detection, estimate, scored, sureness, seconds, pixel_accuracy }
 }
 
 fn deviation(frame: &Frame, vehicle: usize, estimate: &PoseEstimate) -> PoseDeviation {

@@ -1,10 +1,13 @@
 //! `partpose evaluate poses`: the paper's Tables III to V, or one configuration.
 
 mod bias;
+mod compare;
 mod frames;
 mod output;
 mod pictures;
 mod rows;
+mod scene;
+mod uncertainty;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -13,18 +16,19 @@ use clap::ValueEnum;
 use partpose::dataset::folds::Folds;
 use partpose::dataset::{Dataset, Frame};
 use partpose::eval::{
-    Configuration, EvaluationOptions, Stratum, TruthExtent, VehicleOutcome, evaluate_frames,
+    Configuration, EvaluationOptions, SceneProtocol, Stratum, TruthExtent, VehicleOutcome,
+    evaluate_frames,
 };
 use partpose::files;
 use partpose::oracle::OracleBox;
 use partpose::vehicle::ModelZoo;
 
-use crate::commands::provenance;
+use crate::commands::{mask_bias, provenance};
 use crate::pose_flags::PoseFlags;
 use crate::progress;
 use crate::report::{Outcome, hint, note, warn, warn_error};
 
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone)]
 pub(crate) struct Arguments {
     /// Folder of the data set; its layout is recognised
     #[arg(long, value_name = "DIR")]
@@ -60,12 +64,21 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value = "truth")]
     extent: ExtentFlag,
     /// Worlds on which it is measured how far masks lie off the models' outlines, for the dense fit; with `--fold` on
-    /// the tracks of the other folds
-    #[arg(long, value_delimiter = ',', value_name = "WORLDS")]
+    /// the tracks of the other folds; `zoo` takes what was measured when the zoo was carved
+    #[arg(long, value_delimiter = ',', value_name = "WORLDS|zoo")]
     mask_bias: Vec<String>,
-    /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration
+    #[command(flatten)]
+    scene: scene::Flags,
+    /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration; with `--fit epnp`,
+    /// the paper's solver, unless another one of centres is asked for
     #[arg(long, conflicts_with_all = ["kernel", "scaling", "refine", "points_2d", "points_3d", "filters"])]
     tables: bool,
+    /// The dense fit beside the paper's method and the best setting of points: every row of the tables, by distance,
+    /// occlusion, truncation, mask accuracy, where sizes come from, and time, as tables and plots
+    #[arg(long, conflicts_with_all = ["tables", "degrade", "extent", "kernel", "scaling", "refine", "points_2d", "points_3d", "filters", "fit"])]
+    compare: bool,
+    #[arg(skip)]
+    comparison: Option<compare::Rows>,
     /// Draw this many frames, evenly spread, under the last configuration
     #[arg(long, value_name = "N", default_value_t = 0)]
     pictures: usize,
@@ -76,7 +89,7 @@ pub(crate) struct Arguments {
     out: PathBuf,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum BoxFlag {
     /// The annotated box, the projection of the cuboid
     Annotated,
@@ -84,7 +97,7 @@ enum BoxFlag {
     Tight,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ExtentFlag {
     /// Models scaled per axis to the true size, as in the paper
     Truth,
@@ -133,6 +146,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         .iter()
         .map(|fold| ModelZoo::load(&frames::zoo_path(arguments, *fold)))
         .collect::<Result<_, _>>()?;
+    if arguments.compare {
+        return compare::run(arguments, &dataset, &folds, &zoos);
+    }
     let evaluated = evaluate(arguments, &dataset, &folds, &zoos)?;
     if evaluated.rows[0].is_empty() {
         return Err(hint(
@@ -173,7 +189,7 @@ fn evaluate(
     files::create_folder(&arguments.out)?;
     let mut configurations = rows::configurations(arguments);
     if let Some(target) = arguments.degrade {
-        let options = options(arguments, &zoos[0], &|_, _| true, &|_, _| false);
+        let options = options(arguments, &zoos[0], &|_, _| true, &|_, _| false, None);
         rows::degrade(&mut configurations, &frames, &options, target, arguments.pose.seed)?;
     }
     let last = configurations.len() - 1;
@@ -196,13 +212,18 @@ fn evaluate(
                 dealt.is_none()
                     || (frame.vehicles[vehicle].track.is_some() && !include(frame, vehicle))
             };
-            let bias = bias::measure(arguments, dataset, zoo, *fold, &others)?;
+            let bias = if arguments.mask_bias == ["zoo"] {
+                mask_bias::read(&frames::zoo_path(arguments, *fold).join(mask_bias::NAME))?
+            } else {
+                bias::measure(arguments, dataset, zoo, *fold, &others)?
+            };
             for configuration in &mut configurations {
                 configuration.pose.dense.mask_bias = Some(bias);
             }
         }
         let keep = |frame: &Frame, index: usize| index == last && pictures.shows(frame);
-        let options = options(arguments, zoo, &include, &keep);
+        let mut options = options(arguments, zoo, &include, &keep, arguments.scene.protocol());
+        scene::measure(&mut options, &frames, &configurations[last])?;
         let bar = progress::bar("frames", frames.len() as u64);
         let outcomes = evaluate_frames(&frames, &options, &configurations, &|| bar.inc(1));
         bar.finish_and_clear();
@@ -234,6 +255,7 @@ fn options<'a>(
     zoo: &'a ModelZoo,
     include: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
     keep_detections: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
+    scene: Option<SceneProtocol>,
 ) -> EvaluationOptions<'a> {
     EvaluationOptions {
         zoo,
@@ -249,6 +271,7 @@ fn options<'a>(
         },
         include,
         keep_detections,
+        scene,
     }
 }
 

@@ -8,7 +8,7 @@ use partpose::eval::{PoseScores, Table, breakdown, paper_tables, score_table, su
 use partpose::files;
 use serde_json::json;
 
-use super::{Arguments, Evaluated};
+use super::{Arguments, Evaluated, uncertainty};
 use crate::report;
 
 /// Prints the tables and writes everything.
@@ -41,6 +41,7 @@ pub(super) fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Res
         evaluated.configurations[detailed].name
     );
     tables.push(score_table(&title, &by));
+    tables.extend(uncertainty::tables(evaluated));
     let text = markdown(&tables);
     report::data(&text)?;
     let file = |name: &str| arguments.out.join(name);
@@ -48,6 +49,7 @@ pub(super) fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Res
     for (index, table) in tables.iter().enumerate() {
         files::write(&file(&format!("table-{}.csv", index + 1)), table.to_csv().as_bytes())?;
     }
+    uncertainty::write_plots(arguments, evaluated)?;
     files::write(&file("vehicles.csv"), vehicle_list(evaluated).to_csv().as_bytes())?;
     write_metrics(&file("metrics.json"), arguments, evaluated, &scores, &by)
 }
@@ -78,6 +80,7 @@ fn write_metrics(
                 "pose": configuration.pose,
                 "degradation_strength": configuration.degradation.map(|d| d.strength),
                 "mean_pixel_accuracy": accuracy / rows.len().max(1) as f64,
+                "uncertainty": uncertainty::scores(rows),
                 "scores": scores,
             })
         })
@@ -134,6 +137,9 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
         "delta_alpha_x",
         "delta_alpha_y",
         "delta_alpha_z",
+        "confidence",
+        "normalised_squared_error",
+        "depth_sd",
         "no_pose",
     ];
     let mut table = Table::new("vehicles", &columns);
@@ -155,10 +161,16 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
                 cells.push(rmse.map_or(String::new(), |rmse| format!("{rmse:.3}")));
                 let numbers = std::iter::once(d.iou3d).chain(d.translation).chain(d.rotation);
                 cells.extend(numbers.map(|value| format!("{value:.4}")));
+                let said =
+                    row.outcome.sureness.map(|s| [s.confidence, s.squared_error, s.depth_sd]);
+                match said {
+                    Some(said) => cells.extend(said.map(|value| format!("{value:.4}"))),
+                    None => cells.extend(std::iter::repeat_n(String::new(), 3)),
+                }
                 cells.push(String::new());
             }
             (outcome, _) => {
-                cells.extend(std::iter::repeat_n(String::new(), 9));
+                cells.extend(std::iter::repeat_n(String::new(), 12));
                 cells.push(outcome.as_ref().err().map_or(String::new(), ToString::to_string));
             }
         }
