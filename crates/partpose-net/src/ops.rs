@@ -1,8 +1,23 @@
 //! Operations of our own, where they beat what burn brings or burn has none.
+//!
+//! Each file holds the arithmetic on slices and the function on tensors; [`apply`](self) registers gradients.
 
+pub mod attach;
 pub mod conv;
+pub mod linear;
+pub mod norm;
+pub mod pool;
+pub mod resize;
 pub mod roi_align;
 
-mod dispatch;
+mod apply;
+mod vector;
+mod winograd;
 
-pub use dispatch::{conv2d, roi_align};
+pub use attach::attach;
+pub use conv::{ConvOptions, conv2d};
+pub use linear::linear;
+pub use norm::{Normalised, batch_norm, fixed_norm, group_norm};
+pub use pool::{average, max_pool};
+pub use resize::{resize, upsample_add};
+pub use roi_align::read_regions;

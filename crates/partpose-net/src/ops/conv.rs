@@ -6,13 +6,120 @@
 //! weights turned round. Work is cut into pieces whose number and order do not depend on the number of threads, so
 //! neither do the results.
 
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use burn::Tensor;
 use partpose_kernels::{Matrix, MatrixMut, multiply};
 use rayon::prelude::*;
+
+use super::apply::{Backwards, Kernel, Output, View, apply};
+use super::winograd;
 
 /// Columns of a tile, about.
 const TILE: usize = 768;
 /// Pieces that the gradient of the weights is summed in.
 const WEIGHT_PIECES: usize = 4;
+
+/// How a convolution steps over its input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ConvOptions {
+    /// Step down and to the right.
+    pub stride: usize,
+    /// Zeros on all sides.
+    pub padding: usize,
+    /// Distance of a kernel's elements; 1 is the usual one.
+    pub dilation: usize,
+    /// Whether negative values become zero at the end.
+    pub relu: bool,
+}
+
+impl ConvOptions {
+    /// A convolution that keeps sizes, for kernels of an odd `size`.
+    pub const fn same(size: usize) -> Self {
+        Self { stride: 1, padding: size / 2, dilation: 1, relu: false }
+    }
+}
+
+/// Convolves `input`, `[batch, in_channels, height, width]`, with `weight`,
+/// `[out_channels, in_channels, kernel height, kernel width]`, and adds `bias`, `[out_channels]`, and `residual`, shaped
+/// like the result; a residual needs a bias.
+pub fn conv2d(
+    input: Tensor<4>,
+    weight: Tensor<4>,
+    bias: Option<Tensor<1>>,
+    residual: Option<Tensor<4>>,
+    options: ConvOptions,
+) -> Tensor<4> {
+    assert!(bias.is_some() || residual.is_none(), "a residual without a bias");
+    let mut inputs = vec![input.into_dispatch(), weight.into_dispatch()];
+    inputs.extend(bias.map(Tensor::into_dispatch));
+    inputs.extend(residual.map(Tensor::into_dispatch));
+    apply(&Arc::new(Convolution(options)), inputs)
+}
+
+#[derive(Debug)]
+struct Convolution(ConvOptions);
+
+impl Convolution {
+    /// Sizes; wrong ones are a bug of the network.
+    fn shape(&self, inputs: &[View<'_>]) -> ConvShape {
+        let [batch, in_channels, height, width] = inputs[0].dims4();
+        let [out_channels, depth, kernel_height, kernel_width] = inputs[1].dims4();
+        assert_eq!(in_channels, depth, "input {:?}, weight {:?}", inputs[0].shape, inputs[1].shape);
+        ConvShape {
+            batch,
+            in_channels,
+            out_channels,
+            in_size: [height, width],
+            kernel: [kernel_height, kernel_width],
+            stride: [self.0.stride; 2],
+            padding: [self.0.padding; 2],
+            dilation: self.0.dilation,
+        }
+    }
+}
+
+impl Kernel for Convolution {
+    fn forward(&self, inputs: &[View<'_>], _: bool) -> Output {
+        let s = self.shape(inputs);
+        let finish = Finish {
+            bias: inputs.get(2).map(|bias| bias.values),
+            residual: inputs.get(3).map(|residual| residual.values),
+            relu: self.0.relu,
+        };
+        let [height, width] = s.out_size();
+        Output {
+            values: forward(inputs[0].values, inputs[1].values, finish, &s),
+            shape: vec![s.batch, s.out_channels, height, width],
+            saved: Vec::new(),
+        }
+    }
+
+    fn backward(&self, state: &Backwards<'_>) -> Vec<Option<Vec<f32>>> {
+        let s = self.shape(&state.inputs);
+        let [input, weight] = [&state.inputs[0], &state.inputs[1]].map(|view| view.values);
+        let gradient = masked(state.gradient, state.output, self.0.relu);
+        let wanted = |i: usize| state.wanted.get(i) == Some(&true);
+        let mut gradients = vec![
+            wanted(0).then(|| backward_input(&gradient, weight, &s)),
+            wanted(1).then(|| backward_weight(input, &gradient, &s)),
+            wanted(2).then(|| backward_bias(&gradient, &s)),
+            wanted(3).then(|| gradient.to_vec()),
+        ];
+        gradients.truncate(state.inputs.len());
+        gradients
+    }
+}
+
+/// The gradient before the cut at zero: none where the output was cut off.
+pub(super) fn masked<'a>(gradient: &'a [f32], output: &[f32], relu: bool) -> Cow<'a, [f32]> {
+    if !relu {
+        return Cow::Borrowed(gradient);
+    }
+    let pairs = gradient.iter().zip(output);
+    Cow::Owned(pairs.map(|(value, output)| if *output > 0.0 { *value } else { 0.0 }).collect())
+}
 
 /// Sizes of a convolution. Tensors are `[batch, channels, height, width]`, weights
 /// `[out_channels, in_channels, kernel height, kernel width]`.
@@ -32,6 +139,19 @@ pub struct ConvShape {
     pub stride: [usize; 2],
     /// Zeros above and below, left and right.
     pub padding: [usize; 2],
+    /// Distance of a kernel's elements (atrous convolution); 1 is the usual one.
+    pub dilation: usize,
+}
+
+/// What is done to a product before it leaves the caches.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Finish<'a> {
+    /// Added to each channel.
+    pub bias: Option<&'a [f32]>,
+    /// Added to the product, shaped like it.
+    pub residual: Option<&'a [f32]>,
+    /// Whether negative values become zero at the end.
+    pub relu: bool,
 }
 
 impl ConvShape {
@@ -39,8 +159,13 @@ impl ConvShape {
     pub fn out_size(&self) -> [usize; 2] {
         [0, 1].map(|i| {
             let padded = self.in_size[i] + 2 * self.padding[i];
-            (padded + self.stride[i]).saturating_sub(self.kernel[i]) / self.stride[i]
+            (padded + self.stride[i]).saturating_sub(self.reach(i)) / self.stride[i]
         })
+    }
+
+    /// Extent of the kernel on the input along an axis.
+    fn reach(&self, axis: usize) -> usize {
+        (self.kernel[axis] - 1) * self.dilation + 1
     }
 
     /// Elements of a patch.
@@ -67,7 +192,29 @@ impl ConvShape {
 }
 
 /// `[batch, out_channels, out height, out width]`.
-pub fn forward(input: &[f32], weight: &[f32], bias: Option<&[f32]>, s: &ConvShape) -> Vec<f32> {
+pub fn forward(input: &[f32], weight: &[f32], finish: Finish<'_>, s: &ConvShape) -> Vec<f32> {
+    if winograd::suits(s) {
+        winograd::forward(input, weight, finish, s)
+    } else {
+        forward_plain(input, weight, finish, s)
+    }
+}
+
+/// Gradient of the weights, shaped like them.
+pub fn backward_weight(input: &[f32], gradient: &[f32], s: &ConvShape) -> Vec<f32> {
+    if winograd::suits(s) {
+        winograd::backward_weight(input, gradient, s)
+    } else {
+        backward_weight_plain(input, gradient, s)
+    }
+}
+
+pub(super) fn forward_plain(
+    input: &[f32],
+    weight: &[f32],
+    finish: Finish<'_>,
+    s: &ConvShape,
+) -> Vec<f32> {
     let [in_area, out_area] = s.areas();
     let depth = s.depth();
     let mut output = vec![0.0; s.batch * s.out_channels * out_area];
@@ -88,7 +235,7 @@ pub fn forward(input: &[f32], weight: &[f32], bias: Option<&[f32]>, s: &ConvShap
     tiles.into_par_iter().for_each_init(Vec::new, |patches, (n, first, mut block)| {
         let image = &input[n * s.in_channels * in_area..][..s.in_channels * in_area];
         let columns = block.size()[1];
-        if let Some(bias) = bias {
+        if let Some(bias) = finish.bias {
             (0..s.out_channels).for_each(|o| block.row_mut(o).fill(bias[o]));
         }
         let patches = if s.is_pointwise() {
@@ -98,13 +245,22 @@ pub fn forward(input: &[f32], weight: &[f32], bias: Option<&[f32]>, s: &ConvShap
             im2col(image, s, first, columns / width, patches);
             Matrix::dense(patches, [depth, columns])
         };
-        multiply(&mut block, weights, patches, bias.is_some());
+        multiply(&mut block, weights, patches, finish.bias.is_some());
+        for o in 0..s.out_channels {
+            let row = block.row_mut(o);
+            if let Some(residual) = finish.residual {
+                let residual = &residual[(n * s.out_channels + o) * out_area + first * width..];
+                row.iter_mut().zip(residual).for_each(|(value, residual)| *value += residual);
+            }
+            if finish.relu {
+                row.iter_mut().for_each(|value| *value = value.max(0.0));
+            }
+        }
     });
     output
 }
 
-/// Gradient of the weights, shaped like them.
-pub fn backward_weight(input: &[f32], gradient: &[f32], s: &ConvShape) -> Vec<f32> {
+pub(super) fn backward_weight_plain(input: &[f32], gradient: &[f32], s: &ConvShape) -> Vec<f32> {
     let [in_area, out_area] = s.areas();
     let (depth, width, rows) = (s.depth(), s.out_size()[1], s.tile_rows());
     if out_area == 0 {
@@ -150,17 +306,17 @@ pub fn backward_weight(input: &[f32], gradient: &[f32], s: &ConvShape) -> Vec<f3
 
 /// Gradient of the input, shaped like it.
 pub fn backward_input(gradient: &[f32], weight: &[f32], s: &ConvShape) -> Vec<f32> {
-    let fits = (0..2).all(|i| s.padding[i] < s.kernel[i]);
+    let fits = (0..2).all(|i| s.padding[i] < s.reach(i));
     if s.stride == [1, 1] && fits {
         let turned = turned_round(weight, s);
         let back = ConvShape {
             in_channels: s.out_channels,
             out_channels: s.in_channels,
             in_size: s.out_size(),
-            padding: [0, 1].map(|i| s.kernel[i] - 1 - s.padding[i]),
+            padding: [0, 1].map(|i| s.reach(i) - 1 - s.padding[i]),
             ..*s
         };
-        return forward(gradient, &turned, None, &back);
+        return forward(gradient, &turned, Finish::default(), &back);
     }
     let [in_area, out_area] = s.areas();
     let taps = s.kernel[0] * s.kernel[1];
@@ -270,7 +426,7 @@ fn col2im(patches: &[f32], s: &ConvShape, first: usize, rows: usize, planes: &mu
 /// Channel, row and column of a tap.
 fn taps(s: &ConvShape, tap: usize) -> (usize, usize, usize) {
     let [height, width] = s.kernel;
-    (tap / (height * width), tap / width % height, tap % width)
+    (tap / (height * width), tap / width % height * s.dilation, tap % width * s.dilation)
 }
 
 /// First column of the output, and the one behind the last, whose tap `dx` lies inside the image.
@@ -323,7 +479,7 @@ mod tests {
                                     ((n * s.out_channels + o) * oh + y) * ow + x,
                                     ((n * s.in_channels + c) * s.in_size[0] + iy) * s.in_size[1]
                                         + ix,
-                                    ((o * s.in_channels + c) * kh + dy) * kw + dx,
+                                    (o * s.in_channels + c) * kh * kw + tap % (kh * kw),
                                 );
                             }
                         }
@@ -342,6 +498,7 @@ mod tests {
             kernel: [3, 3],
             stride: [1, 1],
             padding: [1, 1],
+            dilation: 1,
         };
         vec![
             base,
@@ -352,6 +509,8 @@ mod tests {
             ConvShape { kernel: [2, 3], padding: [0, 2], batch: 1, ..base },
             ConvShape { in_size: [40, 200], batch: 1, ..base },
             ConvShape { kernel: [1, 1], padding: [2, 0], ..base },
+            ConvShape { dilation: 2, padding: [2, 2], ..base },
+            ConvShape { dilation: 2, stride: [2, 1], ..base },
         ]
     }
 
@@ -372,7 +531,12 @@ mod tests {
                 of_input[i] += gradient[o] * weight[w];
                 of_weight[w] += gradient[o] * input[i];
             });
-            assert_eq!(forward(&input, &weight, Some(&bias), &s), output, "{s:?}");
+            let finish = Finish { bias: Some(&bias), ..Finish::default() };
+            assert_eq!(forward(&input, &weight, finish, &s), output, "{s:?}");
+            let residual: Vec<f32> = output.iter().map(|value| 3.0 - 2.0 * value).collect();
+            let finish = Finish { bias: Some(&bias), residual: Some(&residual), relu: true };
+            let clipped: Vec<f32> = output.iter().map(|value| (3.0 - value).max(0.0)).collect();
+            assert_eq!(forward(&input, &weight, finish, &s), clipped, "{s:?}");
             assert_eq!(backward_input(&gradient, &weight, &s), of_input, "{s:?}");
             assert_eq!(backward_weight(&input, &gradient, &s), of_weight, "{s:?}");
         }
@@ -381,7 +545,7 @@ mod tests {
     #[test]
     fn an_empty_batch_gives_nothing() {
         let s = ConvShape { batch: 0, ..shapes()[0] };
-        assert!(forward(&[], &numbers(135, 1), None, &s).is_empty());
+        assert!(forward(&[], &numbers(135, 1), Finish::default(), &s).is_empty());
         assert!(backward_input(&[], &numbers(135, 1), &s).is_empty());
         assert_eq!(backward_weight(&[], &[], &s), vec![0.0; 135]);
     }

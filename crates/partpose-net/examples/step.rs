@@ -1,0 +1,114 @@
+//! Times a training step and an inference: `cargo run --release -p partpose-net --example step -- [STEPS]`.
+#![allow(clippy::print_stdout, clippy::unwrap_used)]
+
+use std::time::Instant;
+
+use burn::Tensor;
+use burn::module::Module;
+use burn::optim::momentum::MomentumConfig;
+use burn::optim::{GradientsParams, SgdConfig};
+use burn::tensor::{Device, TensorData};
+use partpose_net::{NetConfig, Target};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// A batch of noise with bright boxes, and its truth.
+fn batch(count: usize, size: [usize; 2], device: &Device) -> (Tensor<4>, Vec<Target>) {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let [width, height] = size;
+    let mut values = Vec::new();
+    let mut targets = Vec::new();
+    for _ in 0..count {
+        let mut target = Target {
+            size,
+            labels: vec![0; width * height],
+            owner: vec![0; width * height],
+            ..Target::default()
+        };
+        let mut image: Vec<f32> =
+            (0..3 * width * height).map(|_| rng.random::<f32>() - 0.5).collect();
+        for i in 0..6 {
+            let w = rng.random_range(30..160usize).min(width / 3);
+            let h = w * 2 / 3;
+            let x = rng.random_range(0..width - w);
+            let y = rng.random_range(0..height - h);
+            target.boxes.push([x, y, x + w, y + h].map(|v| v as f32));
+            for v in 0..h {
+                for u in 0..w {
+                    let at = (y + v) * width + x + u;
+                    target.owner[at] = i + 1;
+                    let part = 1 + 4 * (v * 2 / h) + u * 4 / w;
+                    target.labels[at] = part as u8;
+                    for c in 0..3 {
+                        image[c * width * height + at] =
+                            if c == 0 { 1.5 } else { part as f32 / 4.0 - 1.0 };
+                    }
+                }
+            }
+        }
+        values.extend(image);
+        targets.push(target);
+    }
+    (Tensor::from_data(TensorData::new(values, [count, 3, height, width]), device), targets)
+}
+
+/// Processor time of all threads so far, ms, where the system tells.
+fn processor_time() -> f64 {
+    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields = text.rsplit(") ").next().unwrap_or_default().split(' ').skip(11).take(2);
+    // Ticks of a hundredth of a second.
+    fields.filter_map(|ticks| ticks.parse::<f64>().ok()).sum::<f64>() * 10.0
+}
+
+fn main() {
+    let steps: usize = std::env::args().nth(1).map_or(5, |n| n.parse().unwrap());
+    let config = NetConfig::default();
+    for (count, size) in [(2, [640, 192]), (1, [1248, 384])] {
+        let device = Device::default().autodiff();
+        let mut net = config.init(&device, 1);
+        let mut optimizer = SgdConfig::new().with_momentum(Some(MomentumConfig::new())).init();
+        let (images, targets) = batch(count, size, &device);
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        for step in 0..steps {
+            let (begin, used) = (Instant::now(), processor_time());
+            let losses = net.losses(images.clone(), &targets, &mut rng);
+            let total = losses.total(&config.loss);
+            let forward = begin.elapsed();
+            let gradients = total.backward();
+            let backward = begin.elapsed() - forward;
+            let gradients = GradientsParams::from_grads(gradients, &net);
+            net = optimizer.step(0.01, net, gradients);
+            let all = begin.elapsed();
+            let value = |t: &Tensor<1>| t.clone().into_scalar::<f32>();
+            println!(
+                "{count}x{size:?} step {step}: forward {:.0} backward {:.0} update {:.0} all {:.0} (processor {:.0}) ms; \
+                 loss {:.3} (rpn {:.3} {:.3}, class {:.3} box {:.3} mask {:.3})",
+                forward.as_secs_f64() * 1e3,
+                backward.as_secs_f64() * 1e3,
+                (all - forward - backward).as_secs_f64() * 1e3,
+                all.as_secs_f64() * 1e3,
+                processor_time() - used,
+                value(&total),
+                value(&losses.rpn_objectness),
+                value(&losses.rpn_box),
+                value(&losses.class),
+                value(&losses.boxes),
+                value(&losses.mask),
+            );
+        }
+        if std::env::args().nth(2).is_some() {
+            continue;
+        }
+        let net = net.valid().fold();
+        let image = images.without_autodiff().slice([0..1]);
+        for _ in 0..3 {
+            let (begin, used) = (Instant::now(), processor_time());
+            let found = net.detect(image.clone(), size);
+            println!(
+                "inference {:.0} ms, {} found",
+                begin.elapsed().as_secs_f64() * 1e3,
+                found.len()
+            );
+        }
+    }
+}
