@@ -6,10 +6,11 @@ mod network;
 mod pose_flags;
 mod progress;
 mod report;
+mod scene_flags;
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 /// Six-degree-of-freedom vehicle poses from part masks.
 #[derive(Parser)]
@@ -37,6 +38,8 @@ enum Command {
     Run(commands::run::Arguments),
     /// Turn anybody's detections into poses
     Fit(commands::fit::Arguments),
+    /// Draw why each vehicle was found where it was, and how sure that is
+    Explain(commands::explain::Arguments),
     /// Write the results of `fit` in other programs' formats
     Export(commands::export::Arguments),
     /// Train a network
@@ -44,17 +47,21 @@ enum Command {
     /// Convert and inspect a network's weights
     #[command(subcommand)]
     Weights(commands::weights::Command),
+    /// Write results as a page in 3D that opens without a network
+    View(commands::view::Arguments),
+    /// Write runs and evaluations as one page that opens without a network
+    Report(commands::report::Arguments),
     /// Score boxes, masks, poses and solvers against ground truth
     #[command(subcommand)]
     Evaluate(commands::evaluate::Command),
+    /// Print the completions of a shell
+    Completions(commands::completions::Arguments),
+    /// Write manual pages
+    Man(commands::completions::ManArguments),
 }
 
 fn main() -> ExitCode {
-    // The paper's fit is the default of `fit`, which reproduces its tables; whoever has an image wants the best.
-    let best = |run: clap::Command| run.mut_arg("fit", |fit| fit.default_value("dense"));
-    let typed = Arguments::command().mut_subcommand("run", best).get_matches();
-    let arguments = Arguments::from_arg_matches(&typed).unwrap_or_else(|error| error.exit());
-    let outcome = match arguments.command {
+    let outcome = match Arguments::parse().command {
         Command::Demo(arguments) => commands::demo::run(&arguments),
         Command::Zoo(command) => commands::zoo::run(&command),
         Command::Dataset(command) => commands::dataset::run(&command),
@@ -62,10 +69,17 @@ fn main() -> ExitCode {
         Command::Synth(arguments) => commands::synth::run(&arguments),
         Command::Run(arguments) => commands::run::run(&arguments),
         Command::Fit(arguments) => commands::fit::run(&arguments),
+        Command::Explain(arguments) => commands::explain::run(&arguments),
         Command::Export(arguments) => commands::export::run(&arguments),
         Command::Train(arguments) => commands::train::run(&arguments),
         Command::Weights(command) => commands::weights::run(&command),
+        Command::View(arguments) => commands::view::run(&arguments),
+        Command::Report(arguments) => commands::report::run(&arguments),
         Command::Evaluate(command) => commands::evaluate::run(&command),
+        Command::Completions(arguments) => {
+            commands::completions::run(&arguments, Arguments::command())
+        }
+        Command::Man(arguments) => commands::completions::man(&arguments, Arguments::command()),
     };
     report::exit_code(outcome)
 }

@@ -52,6 +52,14 @@ fn batch(count: usize, size: [usize; 2], device: &Device) -> (Tensor<4>, Vec<Tar
     (Tensor::from_data(TensorData::new(values, [count, 3, height, width]), device), targets)
 }
 
+/// Processor time of all threads so far, ms, where the system tells.
+fn processor_time() -> f64 {
+    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields = text.rsplit(") ").next().unwrap_or_default().split(' ').skip(11).take(2);
+    // Ticks of a hundredth of a second.
+    fields.filter_map(|ticks| ticks.parse::<f64>().ok()).sum::<f64>() * 10.0
+}
+
 fn main() {
     let steps: usize = std::env::args().nth(1).map_or(5, |n| n.parse().unwrap());
     let config = NetConfig::default();
@@ -62,7 +70,7 @@ fn main() {
         let (images, targets) = batch(count, size, &device);
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         for step in 0..steps {
-            let begin = Instant::now();
+            let (begin, used) = (Instant::now(), processor_time());
             let losses = net.losses(images.clone(), &targets, &mut rng);
             let total = losses.total(&config.loss);
             let forward = begin.elapsed();
@@ -73,12 +81,13 @@ fn main() {
             let all = begin.elapsed();
             let value = |t: &Tensor<1>| t.clone().into_scalar::<f32>();
             println!(
-                "{count}x{size:?} step {step}: forward {:.0} backward {:.0} update {:.0} all {:.0} ms; \
+                "{count}x{size:?} step {step}: forward {:.0} backward {:.0} update {:.0} all {:.0} (processor {:.0}) ms; \
                  loss {:.3} (rpn {:.3} {:.3}, class {:.3} box {:.3} mask {:.3})",
                 forward.as_secs_f64() * 1e3,
                 backward.as_secs_f64() * 1e3,
                 (all - forward - backward).as_secs_f64() * 1e3,
                 all.as_secs_f64() * 1e3,
+                processor_time() - used,
                 value(&total),
                 value(&losses.rpn_objectness),
                 value(&losses.rpn_box),
@@ -87,10 +96,13 @@ fn main() {
                 value(&losses.mask),
             );
         }
+        if std::env::args().nth(2).is_some() {
+            continue;
+        }
         let net = net.valid().fold();
         let image = images.without_autodiff().slice([0..1]);
         for _ in 0..3 {
-            let begin = Instant::now();
+            let (begin, used) = (Instant::now(), processor_time());
             let found = net.detect(image.clone(), size);
             println!(
                 "inference {:.0} ms, {} found",

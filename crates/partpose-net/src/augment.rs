@@ -188,9 +188,8 @@ fn taps(view: &View, axis: usize, length: usize) -> Vec<(usize, Vec<f32>)> {
         let first = (center - radius).ceil().max(0.0) as usize;
         let last = ((center + radius).floor().max(0.0) as usize).min(length - 1);
         let first = first.min(last);
-        let weights: Vec<f64> = (first..=last)
-            .map(|j| (1.0 - (j as f64 - center).abs() / radius).max(1e-6))
-            .collect();
+        let weights: Vec<f64> =
+            (first..=last).map(|j| (1.0 - (j as f64 - center).abs() / radius).max(1e-6)).collect();
         let sum: f64 = weights.iter().sum();
         (first, weights.into_iter().map(|weight| (weight / sum) as f32).collect())
     };
@@ -232,11 +231,7 @@ fn resampled(sample: &Sample, view: &View) -> Vec<f32> {
 const LEAST_PIXELS: usize = 16;
 
 /// Boxes and labels of what a view shows.
-fn target(
-    sample: &Sample,
-    view: &View,
-    (config, net): (&AugmentConfig, &NetConfig),
-) -> Target {
+fn target(sample: &Sample, view: &View, (config, net): (&AugmentConfig, &NetConfig)) -> Target {
     let swap = swaps(view.flip);
     let [width, height] = sample.image.size.map(|side| side as usize);
     let nearest = |axis: usize, length: usize| -> Vec<usize> {
@@ -458,7 +453,8 @@ pub(crate) mod tests {
     #[test]
     fn scaled_views_keep_box_labels_and_picture_together() {
         let view = View { origin: [5.0, 5.0], scale: 2.0, flip: false, size: [100, 60] };
-        let target = target(&sample(), &view, (&AugmentConfig::flips_only(), &NetConfig::default()));
+        let target =
+            target(&sample(), &view, (&AugmentConfig::flips_only(), &NetConfig::default()));
         assert_eq!(target.boxes, [[10.0, 10.0, 70.0, 50.0]]);
         let inside = |x: usize, y: usize| target.owner[y * 100 + x] == 1;
         assert!(inside(10, 10) && inside(69, 49) && !inside(9, 10) && !inside(70, 49));

@@ -35,8 +35,8 @@ fn weights_of(counts: &[u64]) -> Vec<f32> {
     let total: u64 = counts.iter().sum();
     let most = counts.iter().max().copied().unwrap_or(1).max(1) as f64;
     let raw = |count: u64| (most / count.max(1) as f64).sqrt().min(MOST_RATIO);
-    let mean = counts.iter().map(|count| raw(*count) * *count as f64).sum::<f64>()
-        / total.max(1) as f64;
+    let mean =
+        counts.iter().map(|count| raw(*count) * *count as f64).sum::<f64>() / total.max(1) as f64;
     let mean = if mean > 0.0 { mean } else { 1.0 };
     counts.iter().map(|count| (raw(*count) / mean) as f32).collect()
 }
@@ -52,8 +52,7 @@ mod tests {
         assert!((weights[1] / weights[0] - 10.0_f32.sqrt()).abs() < 1e-4);
         assert!((weights[2] / weights[0] - 8.0).abs() < 1e-4);
         assert_eq!(weights[2].to_bits(), weights[3].to_bits());
-        let sum: f64 =
-            counts.iter().zip(&weights).map(|(n, w)| *n as f64 * f64::from(*w)).sum();
+        let sum: f64 = counts.iter().zip(&weights).map(|(n, w)| *n as f64 * f64::from(*w)).sum();
         assert!((sum / 9990.0 - 1.0).abs() < 1e-5);
     }
 }

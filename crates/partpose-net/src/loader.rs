@@ -107,9 +107,8 @@ impl Loader {
         let mut state = self.shared.state.lock().expect("no thread panicked");
         let step = state.wanted;
         let phase = *self.shared.config.phase(step);
-        let ready = |state: &State| {
-            (0..phase.batch).all(|place| state.done.contains_key(&(step, place)))
-        };
+        let ready =
+            |state: &State| (0..phase.batch).all(|place| state.done.contains_key(&(step, place)));
         while !ready(&state) {
             if let Some(error) = state.failed.take() {
                 return Err(error);
@@ -177,11 +176,8 @@ impl Shared {
         let mut problems = Vec::new();
         for attempt in 0..TRIES {
             let at = order[((number + attempt as u64) % count) as usize];
-            let read = sample::read(
-                &self.items[at as usize],
-                self.config.data.with_dontcare,
-                &self.zoo,
-            );
+            let read =
+                sample::read(&self.items[at as usize], self.config.data.with_dontcare, &self.zoo);
             match read {
                 Ok(sample) => {
                     let phase = self.config.phase(step);

@@ -137,8 +137,7 @@ pub fn update(
                     {
                         let gradient = shorten * gradient;
                         *first = keep * *first + (1.0 - keep) * gradient;
-                        *second =
-                            keep_square * *second + (1.0 - keep_square) * gradient * gradient;
+                        *second = keep_square * *second + (1.0 - keep_square) * gradient * gradient;
                         let size = (*second * unbias_square).sqrt() + 1e-8;
                         *value = shrink * *value - rate * *first / size;
                     }

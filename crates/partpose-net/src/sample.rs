@@ -58,8 +58,7 @@ pub fn items(dataset: &Dataset) -> Result<(Vec<Item>, usize), DatasetError> {
         let frames = dataset.read(sequence)?;
         left_out += frames.skipped.len();
         let has_instances = frames.frames.iter().any(|frame| frame.instances.is_some());
-        let colors =
-            if has_instances { dataset.segment_colors(sequence)? } else { Vec::new() };
+        let colors = if has_instances { dataset.segment_colors(sequence)? } else { Vec::new() };
         let tracks = colors.iter().filter_map(|color| Some((color.rgb, color.track?))).collect();
         let tracks = Arc::new(tracks);
         for frame in frames.frames {
@@ -119,11 +118,7 @@ pub fn read(item: &Item, dont_care: bool, zoo: &ModelZoo) -> Result<Sample, Data
     })
 }
 
-fn owners_by_color(
-    frame: &Frame,
-    tracks: &HashMap<[u8; 3], u32>,
-    colors: &RgbImage,
-) -> Vec<u16> {
+fn owners_by_color(frame: &Frame, tracks: &HashMap<[u8; 3], u32>, colors: &RgbImage) -> Vec<u16> {
     let owner_of = |color: [u8; 3]| {
         let track = tracks.get(&color)?;
         let index = frame.vehicles.iter().position(|vehicle| vehicle.track == Some(*track))?;

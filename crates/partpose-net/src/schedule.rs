@@ -41,11 +41,8 @@ impl Default for ScheduleConfig {
 impl ScheduleConfig {
     /// The factor of the learning rate at a step, counted from 0.
     pub fn factor(&self, step: u64) -> f64 {
-        let rise = if step < self.warmup {
-            (step + 1) as f64 / (self.warmup + 1) as f64
-        } else {
-            1.0
-        };
+        let rise =
+            if step < self.warmup { (step + 1) as f64 / (self.warmup + 1) as f64 } else { 1.0 };
         rise * match &self.fall {
             Fall::Cosine { last } => {
                 let progress = (step as f64 / self.steps.max(1) as f64).min(1.0);
@@ -72,6 +69,9 @@ mod tests {
         assert!(schedule.factor(1000) < 1e-9 && schedule.factor(9999) < 1e-9);
         let fall = Fall::Step { milestones: vec![100, 200], factor: 0.1 };
         let schedule = ScheduleConfig { steps: 1000, warmup: 0, fall };
-        assert_eq!([99, 100, 250].map(|step| (1e3 * schedule.factor(step)).round()), [1e3, 1e2, 1e1]);
+        assert_eq!(
+            [99, 100, 250].map(|step| (1e3 * schedule.factor(step)).round()),
+            [1e3, 1e2, 1e1]
+        );
     }
 }

@@ -212,7 +212,8 @@ pub fn train(
         let row = state.curves.losses.last().filter(|_| due);
         wish = observe(Event::Step { step, steps, images, waited, row });
         let every = config.report.validate_every;
-        if !data.validation.is_empty() && every > 0 && (step.is_multiple_of(every) || step == steps) {
+        if !data.validation.is_empty() && every > 0 && (step.is_multiple_of(every) || step == steps)
+        {
             let scores = state.validate(&data.validation, folder)?;
             if observe(Event::Validated { step, scores: &scores }) == Wish::Stop {
                 wish = Wish::Stop;

@@ -164,7 +164,9 @@ impl TrainConfig {
             return Some("`schedule.steps` is 0".to_owned());
         }
         if self.report.every == 0 || self.report.checkpoint_every == 0 || self.report.keep == 0 {
-            return Some("`report`: `every`, `checkpoint_every` and `keep` must be above 0".to_owned());
+            return Some(
+                "`report`: `every`, `checkpoint_every` and `keep` must be above 0".to_owned(),
+            );
         }
         None
     }

@@ -52,10 +52,9 @@ pub fn validate(
     let mut masks = Vec::new();
     for item in items {
         let sample = sample::read(item, false, zoo)?;
-        let found = detector.detect(&sample.image).map_err(|source| ValidationError::Output {
-            frame: sample.name.clone(),
-            source,
-        })?;
+        let found = detector
+            .detect(&sample.image)
+            .map_err(|source| ValidationError::Output { frame: sample.name.clone(), source })?;
         let own = |i: usize| Some(item.frame.vehicles[i].bounds);
         let (truths, vehicles) = TruthBoxes::of_frame(&item.frame, &own);
         let found: Vec<_> = found.into_iter().map(|vehicle| vehicle.detection).collect();

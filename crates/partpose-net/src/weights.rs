@@ -71,7 +71,9 @@ pub enum WeightsError {
         expected: Vec<usize>,
     },
     /// A tensor holds something else than floats.
-    #[error("`{path}`: tensor `{name}` is of type {found:?}, but 32-bit or 16-bit floats are needed")]
+    #[error(
+        "`{path}`: tensor `{name}` is of type {found:?}, but 32-bit or 16-bit floats are needed"
+    )]
     Type {
         /// The file.
         path: PathBuf,
@@ -214,9 +216,8 @@ pub fn load(path: &Path, device: &Device) -> Result<MaskRcnn, WeightsError> {
 /// The same from a file's bytes; `path` names it in errors.
 pub fn from_bytes(path: &Path, bytes: &[u8], device: &Device) -> Result<MaskRcnn, WeightsError> {
     let (metadata, tensors) = decode(path, bytes)?;
-    let text = metadata
-        .get(CONFIG_KEY)
-        .ok_or_else(|| WeightsError::NoConfig { path: path.to_owned() })?;
+    let text =
+        metadata.get(CONFIG_KEY).ok_or_else(|| WeightsError::NoConfig { path: path.to_owned() })?;
     let config: NetConfig = serde_json::from_str(text)
         .map_err(|source| WeightsError::BadConfig { path: path.to_owned(), source })?;
     let net = config.init(device, 0);

@@ -9,6 +9,7 @@ mod contact;
 pub(crate) mod depth_map;
 mod environment;
 mod labels;
+mod leaves;
 mod mirror;
 pub(crate) mod noise;
 mod pixels;

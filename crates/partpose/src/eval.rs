@@ -10,12 +10,14 @@ pub mod masks;
 pub mod matching;
 pub mod model_names;
 pub mod pnp;
+pub mod uncertainty;
 
 mod input;
 mod mask_bias;
 mod poses;
 pub mod ranking;
 mod run;
+mod scene;
 mod table;
 mod tables;
 
@@ -26,5 +28,6 @@ pub use run::{
     Configuration, EvaluationOptions, FrameOutcome, Progress, TruthExtent, VehicleOutcome,
     calibrate, evaluate_detections, evaluate_frames,
 };
+pub use scene::{SceneProtocol, measure_camera_height};
 pub use table::Table;
 pub use tables::{Stratum, breakdown, paper_configurations, paper_tables, score_table};

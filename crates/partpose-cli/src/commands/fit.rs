@@ -129,7 +129,7 @@ fn fit_image(
 }
 
 /// The image by its name below a folder; the file of detections must not lead out of it.
-fn read_image(folder: &Path, name: &str, camera: &Camera) -> anyhow::Result<RgbImage> {
+pub(super) fn read_image(folder: &Path, name: &str, camera: &Camera) -> anyhow::Result<RgbImage> {
     let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_)));
     if !inside {
         anyhow::bail!("the name `{name}` leads out of `{}`", folder.display());

@@ -6,14 +6,15 @@ use partpose::detection::Detection;
 use partpose::files::{self, RgbImage};
 use partpose::formats::{ResultSettings, image_result};
 use partpose::geometry::{Camera, Extent};
-use partpose::pose::dense::{MaskBias, SizePrior};
+use partpose::pose::dense::SizePrior;
+use partpose::pose::scene::{SceneDetection, SceneOptions, estimate_scene};
 use partpose::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator};
 use partpose::vehicle::ModelZoo;
-use rayon::prelude::*;
 
+use super::mask_bias;
 use super::result_files::{self, Pictured};
 use crate::pose_flags::PoseFlags;
-use crate::report::hint;
+use crate::scene_flags::SceneFlags;
 
 #[derive(clap::Args)]
 pub(crate) struct FitFlags {
@@ -32,18 +33,20 @@ pub(crate) struct FitFlags {
     #[arg(long, value_name = "FILE")]
     mask_bias: Option<PathBuf>,
     #[command(flatten)]
+    scene: SceneFlags,
+    #[command(flatten)]
     pose: PoseFlags,
 }
 
 #[derive(Clone, Copy, Debug)]
-enum FitExtent {
+pub(super) enum FitExtent {
     File,
     Model,
     Free,
     Given(Extent),
 }
 
-fn parse_extent(text: &str) -> Result<FitExtent, String> {
+pub(super) fn parse_extent(text: &str) -> Result<FitExtent, String> {
     match text {
         "file" => return Ok(FitExtent::File),
         "model" => return Ok(FitExtent::Model),
@@ -68,6 +71,17 @@ fn parse_extent(text: &str) -> Result<FitExtent, String> {
     }
 }
 
+impl FitExtent {
+    /// Where the size of a detection comes from that may have one of its own.
+    pub(super) fn source(self, own: Option<Extent>) -> ExtentSource {
+        match (self, own) {
+            (Self::Given(extent), _) | (Self::File, Some(extent)) => ExtentSource::Given(extent),
+            (Self::Free, _) => ExtentSource::Free(SizePrior::around(None)),
+            (Self::File | Self::Model, _) => ExtentSource::Model,
+        }
+    }
+}
+
 pub(crate) fn parse_score(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
@@ -80,6 +94,7 @@ pub(crate) struct Fitter {
     zoo: ModelZoo,
     estimator: PoseEstimator,
     extent: FitExtent,
+    scene: SceneOptions,
     settings: ResultSettings,
     pictures: bool,
     out: PathBuf,
@@ -118,7 +133,7 @@ impl Fitter {
     /// Reads the zoo and prepares it; `has_extents` tells whether detections come with their sizes.
     pub(crate) fn new(flags: &FitFlags, out: &Path, has_extents: bool) -> anyhow::Result<Self> {
         let mut options = flags.pose.options();
-        options.dense.mask_bias = flags.mask_bias.as_deref().map(read_mask_bias).transpose()?;
+        options.dense.mask_bias = flags.mask_bias.as_deref().map(mask_bias::read).transpose()?;
         let zoo = match &flags.zoo {
             Some(folder) => ModelZoo::load(folder)?,
             None => ModelZoo::embedded(),
@@ -128,6 +143,7 @@ impl Fitter {
             estimator: PoseEstimator::new(&zoo, &options),
             zoo,
             extent: flags.extent,
+            scene: flags.scene.options(),
             settings: ResultSettings {
                 version: env!("CARGO_PKG_VERSION"),
                 zoo: name.unwrap_or_else(|| "embedded".to_owned()),
@@ -158,20 +174,18 @@ impl Fitter {
     /// Finds the poses of an image and writes JSON, KITTI text and picture.
     pub(crate) fn fit(&self, fitting: Fitting) -> anyhow::Result<Counts> {
         let Fitting { name, stem, camera, image, detections } = fitting;
-        let estimated: Vec<(Detection, Result<PoseEstimate, NoPose>)> = detections
-            .into_par_iter()
-            .map(|(detection, own)| {
-                let extent = match (self.extent, own) {
-                    (FitExtent::Given(extent), _) | (FitExtent::File, Some(extent)) => {
-                        ExtentSource::Given(extent)
-                    }
-                    (FitExtent::Free, _) => ExtentSource::Free(SizePrior::around(None)),
-                    (FitExtent::File | FitExtent::Model, _) => ExtentSource::Model,
-                };
-                let estimate = self.estimator.estimate(camera, &detection, &extent);
-                (detection, estimate)
-            })
+        let given: Vec<SceneDetection> = detections
+            .iter()
+            .map(|(detection, own)| SceneDetection { detection, extent: self.extent.source(*own) })
             .collect();
+        let found = estimate_scene(&self.estimator, &self.zoo, camera, &given, &self.scene);
+        let mut estimated: Vec<(Detection, Result<PoseEstimate, NoPose>)> =
+            detections.into_iter().map(|(detection, _)| detection).zip(found.vehicles).collect();
+        for (detection, estimate) in &mut estimated {
+            if let Ok(estimate) = estimate {
+                self.estimator.observe(camera, detection, estimate);
+            }
+        }
         let posed = estimated.iter().filter(|(_, estimate)| estimate.is_ok()).count();
         let result = image_result(name, camera, &self.settings, &estimated);
         let written: Vec<_> = estimated.iter().map(|(d, e)| (d, e.as_ref().ok())).collect();
@@ -192,16 +206,6 @@ impl Fitter {
         }
         Ok(Counts { posed, without: estimated.len() - posed, skipped: 0 })
     }
-}
-
-fn read_mask_bias(path: &Path) -> anyhow::Result<MaskBias> {
-    let text = files::read(path)?;
-    serde_json::from_slice(&text).map_err(|error| {
-        hint(
-            anyhow::anyhow!("`{}` is no mask bias: {error}", path.display()),
-            "`evaluate poses --mask-bias WORLDS` writes one as `mask-bias.json`",
-        )
-    })
 }
 
 fn extent_in_words(extent: FitExtent, has_extents: bool) -> String {

@@ -114,7 +114,11 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let end = end.map_err(|error| advised(error, &arguments.out))?;
     let folder = arguments.out.display();
     if end.finished {
-        note(format_args!("trained {} steps; the weights are `{folder}/{}`", end.step, train::LAST));
+        note(format_args!(
+            "trained {} steps; the weights are `{folder}/{}`",
+            end.step,
+            train::LAST
+        ));
     } else {
         note(format_args!("stopped after {} steps; go on with `--resume`", end.step));
     }
@@ -247,10 +251,8 @@ fn merged(base: &TrainConfig, path: &Path) -> anyhow::Result<TrainConfig> {
 fn read_data(arguments: &Arguments, config: &TrainConfig) -> anyhow::Result<TrainData> {
     let training = read_items(&arguments.dataset)?;
     let (training, mut validation) = if arguments.validation.is_empty() {
-        let (held, kept): (Vec<_>, Vec<_>) = training
-            .into_iter()
-            .enumerate()
-            .partition(|(i, _)| i % HELD_OUT == HELD_OUT / 2);
+        let (held, kept): (Vec<_>, Vec<_>) =
+            training.into_iter().enumerate().partition(|(i, _)| i % HELD_OUT == HELD_OUT / 2);
         let items = |list: Vec<(usize, Item)>| list.into_iter().map(|(_, item)| item).collect();
         (items(kept), items(held))
     } else {
@@ -320,13 +322,18 @@ fn device(name: &str) -> anyhow::Result<Device> {
 fn advised(error: TrainError, folder: &Path) -> anyhow::Error {
     let folder = folder.display();
     match &error {
-        TrainError::Exists { .. } => hint(error, "add `--resume` to go on with it, or choose another folder"),
-        TrainError::OtherConfig { .. } => {
-            hint(error, format!("leave `--config` and flags out to go on as `{folder}/{CONFIG}` says"))
+        TrainError::Exists { .. } => {
+            hint(error, "add `--resume` to go on with it, or choose another folder")
         }
+        TrainError::OtherConfig { .. } => hint(
+            error,
+            format!("leave `--config` and flags out to go on as `{folder}/{CONFIG}` says"),
+        ),
         TrainError::NotFinite { .. } => hint(
             error,
-            format!("the last checkpoint in `{folder}` is good: `--resume --rate` with a lower rate goes on from it"),
+            format!(
+                "the last checkpoint in `{folder}` is good: `--resume --rate` with a lower rate goes on from it"
+            ),
         ),
         _ => error.into(),
     }
@@ -352,7 +359,8 @@ mod tests {
     fn a_file_overrides_a_preset_and_nothing_else() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("c.toml");
-        let text = "seed = 9\n[net.parts]\nkernel = 14\n[schedule.fall]\nkind = \"cosine\"\nlast = 0.5\n";
+        let text =
+            "seed = 9\n[net.parts]\nkernel = 14\n[schedule.fall]\nkind = \"cosine\"\nlast = 0.5\n";
         files::write(&path, text.as_bytes()).unwrap();
         let config = merged(&TrainConfig::paper(), &path).unwrap();
         let mut expected = TrainConfig::paper();

@@ -8,7 +8,10 @@ use std::sync::{Arc, Mutex};
 use burn::Tensor;
 use rayon::prelude::*;
 
+use pulp::{Simd, WithSimd};
+
 use super::apply::{Backwards, Kernel, Output, View, apply};
+use super::vector;
 
 /// Added to variances.
 pub const EPSILON: f32 = 1e-5;
@@ -141,8 +144,10 @@ impl Kernel for Norm {
                 let [mean, scale, variance] = if let Kind::Fixed { mean, scale } = &self.kind {
                     [mean[i], scale[i], 0.0]
                 } else {
-                    let mean = (planes().map(sum).sum::<f64>() / count) as f32;
-                    let squares = planes().map(|plane| sum_of_squares(plane, mean)).sum::<f64>();
+                    let total =
+                        |moment| planes().map(|x| vector::dispatch(Moment(x, moment))).sum::<f64>();
+                    let mean = (total(None) / count) as f32;
+                    let squares = total(Some(mean));
                     let scale = 1.0 / (squares / count + f64::from(EPSILON)).sqrt();
                     [mean, scale as f32, (squares / (count - 1.0).max(1.0)) as f32]
                 };
@@ -152,7 +157,8 @@ impl Kernel for Norm {
                     let offset = beta[channel] - mean * factor;
                     let input = &input[plane * area..][..area];
                     let residual = residual.map(|values| &values[plane * area..][..area]);
-                    finish(input, [factor, offset], residual, self.relu, out);
+                    let factors = [factor, offset];
+                    vector::dispatch(Forth { input, factors, residual, relu: self.relu, out });
                 }
                 [mean, scale, variance]
             })
@@ -188,8 +194,10 @@ impl Kernel for Norm {
                     let range = plane * area..(plane + 1) * area;
                     let gradient = &state.gradient[range.clone()];
                     let output = &state.output[range.clone()];
-                    mask(gradient, output, self.relu, out);
-                    let [sum, product] = sums_with(out, &input[range], mean);
+                    let output = self.relu.then_some(output);
+                    let input = &input[range];
+                    let [sum, product] =
+                        vector::dispatch(Masked { gradient, output, input, mean, out });
                     sums.push((plane % channels, [sum, product * f64::from(scale)]));
                 }
                 for (residual, out) in set.residual_out.iter_mut().zip(&set.out) {
@@ -209,7 +217,7 @@ impl Kernel for Norm {
                 for (plane, out) in set.planes.iter().zip(set.out) {
                     let a = gamma[plane % channels] * scale;
                     let input = &input[plane * area..][..area];
-                    out.iter_mut().zip(input).for_each(|(g, x)| *g = *g * a + *x * b + c);
+                    vector::dispatch(Combine { out, input, factors: [a, b, c] });
                 }
                 sums.into_iter().map(|(channel, sums)| (channel, sums.map(|s| s as f32))).collect()
             })
@@ -231,27 +239,102 @@ impl Kernel for Norm {
     }
 }
 
+// Loops over memory, compiled for the processor's vectors; written without closures, which would not be.
+
 /// `input * factor + offset`, plus the residual, cut off at zero if `relu`.
-fn finish(input: &[f32], [a, b]: [f32; 2], residual: Option<&[f32]>, relu: bool, out: &mut [f32]) {
-    let floor = if relu { 0.0 } else { f32::NEG_INFINITY };
-    match residual {
-        Some(residual) => {
+struct Forth<'a> {
+    input: &'a [f32],
+    factors: [f32; 2],
+    residual: Option<&'a [f32]>,
+    relu: bool,
+    out: &'a mut [f32],
+}
+
+impl WithSimd for Forth<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { input, factors: [a, b], residual, relu, out } = self;
+        let floor = if relu { 0.0 } else { f32::NEG_INFINITY };
+        if let Some(residual) = residual {
             for ((out, x), r) in out.iter_mut().zip(input).zip(residual) {
-                *out = (x * a + b + r).max(floor);
+                let value = x * a + b + r;
+                *out = if value > floor { value } else { floor };
+            }
+        } else {
+            for (out, x) in out.iter_mut().zip(input) {
+                let value = x * a + b;
+                *out = if value > floor { value } else { floor };
             }
         }
-        None => out.iter_mut().zip(input).for_each(|(out, x)| *out = (x * a + b).max(floor)),
     }
 }
 
-/// The gradient where the output was not cut off.
-fn mask(gradient: &[f32], output: &[f32], relu: bool, out: &mut [f32]) {
-    if relu {
-        for ((out, g), y) in out.iter_mut().zip(gradient).zip(output) {
-            *out = if *y > 0.0 { *g } else { 0.0 };
+/// The gradient where the output was not cut off; its sum, and that of its product with what the input differs from the
+/// mean by.
+struct Masked<'a> {
+    gradient: &'a [f32],
+    /// If it was cut off at zero.
+    output: Option<&'a [f32]>,
+    input: &'a [f32],
+    mean: f32,
+    out: &'a mut [f32],
+}
+
+impl WithSimd for Masked<'_> {
+    type Output = [f64; 2];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> [f64; 2] {
+        let Self { gradient, output, input, mean, out } = self;
+        match output {
+            Some(output) => {
+                for ((out, g), y) in out.iter_mut().zip(gradient).zip(output) {
+                    *out = if *y > 0.0 { *g } else { 0.0 };
+                }
+            }
+            None => out.copy_from_slice(gradient),
         }
-    } else {
-        out.copy_from_slice(gradient);
+        let mut total = [0.0f64; 2];
+        for (out, input) in out.chunks(RUN).zip(input.chunks(RUN)) {
+            let mut lanes = [[0.0f32; LANES]; 2];
+            let whole = out.len() / LANES * LANES;
+            for (g, x) in out[..whole].chunks_exact(LANES).zip(input.chunks_exact(LANES)) {
+                for lane in 0..LANES {
+                    lanes[0][lane] += g[lane];
+                    lanes[1][lane] += g[lane] * (x[lane] - mean);
+                }
+            }
+            for (i, (g, x)) in out[whole..].iter().zip(&input[whole..]).enumerate() {
+                lanes[0][i] += g;
+                lanes[1][i] += g * (x - mean);
+            }
+            for lane in 0..LANES {
+                total[0] += f64::from(lanes[0][lane]);
+                total[1] += f64::from(lanes[1][lane]);
+            }
+        }
+        total
+    }
+}
+
+/// `out * a + input * b + c`.
+struct Combine<'a> {
+    out: &'a mut [f32],
+    input: &'a [f32],
+    factors: [f32; 3],
+}
+
+impl WithSimd for Combine<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { out, input, factors: [a, b, c] } = self;
+        for (g, x) in out.iter_mut().zip(input) {
+            *g = *g * a + *x * b + c;
+        }
     }
 }
 
@@ -260,40 +343,42 @@ const LANES: usize = 16;
 /// Values that are summed in single precision before double takes over.
 const RUN: usize = 1024;
 
-/// Sums of `term` over the elements, in an order of its own.
-fn sums<const N: usize>(length: usize, term: impl Fn(usize) -> [f32; N]) -> [f64; N] {
-    let mut total = [0.0; N];
-    for start in (0..length).step_by(RUN) {
-        let end = (start + RUN).min(length);
-        let whole = start + (end - start) / LANES * LANES;
-        let mut lanes = [[0.0f32; LANES]; N];
-        for i in (start..whole).step_by(LANES) {
-            for lane in 0..LANES {
-                let terms = term(i + lane);
-                (0..N).for_each(|k| lanes[k][lane] += terms[k]);
+/// The sum of some values, or of the squares of their differences from a mean.
+struct Moment<'a>(&'a [f32], Option<f32>);
+
+impl WithSimd for Moment<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f64 {
+        let Self(values, mean) = self;
+        let mut total = 0.0f64;
+        for run in values.chunks(RUN) {
+            let mut lanes = [0.0f32; LANES];
+            let whole = run.len() / LANES * LANES;
+            if let Some(mean) = mean {
+                for x in run[..whole].chunks_exact(LANES) {
+                    for lane in 0..LANES {
+                        lanes[lane] += (x[lane] - mean) * (x[lane] - mean);
+                    }
+                }
+                for (i, x) in run[whole..].iter().enumerate() {
+                    lanes[i] += (x - mean) * (x - mean);
+                }
+            } else {
+                for x in run[..whole].chunks_exact(LANES) {
+                    for lane in 0..LANES {
+                        lanes[lane] += x[lane];
+                    }
+                }
+                for (i, x) in run[whole..].iter().enumerate() {
+                    lanes[i] += x;
+                }
+            }
+            for lane in lanes {
+                total += f64::from(lane);
             }
         }
-        for k in 0..N {
-            total[k] += lanes[k].iter().map(|value| f64::from(*value)).sum::<f64>();
-        }
-        for i in whole..end {
-            let terms = term(i);
-            (0..N).for_each(|k| total[k] += f64::from(terms[k]));
-        }
+        total
     }
-    total
-}
-
-fn sum(plane: &[f32]) -> f64 {
-    sums(plane.len(), |i| [plane[i]])[0]
-}
-
-fn sum_of_squares(plane: &[f32], mean: f32) -> f64 {
-    sums(plane.len(), |i| [(plane[i] - mean) * (plane[i] - mean)])[0]
-}
-
-/// Sums of the gradient, and of its product with what the input differs from the mean by.
-fn sums_with(gradient: &[f32], input: &[f32], mean: f32) -> [f64; 2] {
-    let input = &input[..gradient.len()];
-    sums(gradient.len(), |i| [gradient[i], gradient[i] * (input[i] - mean)])
 }

@@ -3,9 +3,11 @@
 use std::sync::Arc;
 
 use burn::Tensor;
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::apply::{Backwards, Kernel, Output, View, apply};
+use super::vector;
 
 /// The largest value of each `size` x `size` window, every `stride` cells, with `padding` cells that never win.
 ///
@@ -71,8 +73,13 @@ impl Kernel for MaxPool {
         let mut values = vec![0.0; batch * channels * area];
         let mut saved = vec![0.0; values.len()];
         let planes = values.par_chunks_mut(area).zip(saved.par_chunks_mut(area));
-        planes.zip(inputs[0].values.par_chunks(height * width)).for_each(|((out, taps), plane)| {
-            self.plane(plane, [height, width], out, taps);
+        let planes = planes.zip(inputs[0].values.par_chunks(height * width));
+        planes.for_each_init(Vec::new, |lines, ((out, taps), plane)| {
+            if [self.size, self.stride, self.padding] == [3, 2, 1] {
+                vector::dispatch(ThreeByTwo { plane, size: [height, width], lines, out, taps });
+            } else {
+                self.plane(plane, [height, width], out, taps);
+            }
         });
         Output { values, shape: vec![batch, channels, out_height, out_width], saved }
     }
@@ -86,12 +93,78 @@ impl Kernel for MaxPool {
         result.par_chunks_mut(height * width).zip(outputs).for_each(|(plane, (gradient, taps))| {
             for (i, (value, tap)) in gradient.iter().zip(taps).enumerate() {
                 let tap = *tap as usize;
-                let y = i / out_width * self.stride + tap / self.size - self.padding;
-                let x = i % out_width * self.stride + tap % self.size - self.padding;
-                plane[y * width + x] += value;
+                let y = (i / out_width * self.stride + tap / self.size).wrapping_sub(self.padding);
+                let x = (i % out_width * self.stride + tap % self.size).wrapping_sub(self.padding);
+                // A window of no numbers has no largest one.
+                if y < height && x < width {
+                    plane[y * width + x] += value;
+                }
             }
         });
         vec![Some(result)]
+    }
+}
+
+/// Windows of 3 x 3 that step by 2, one cell of padding: the residual networks'.
+struct ThreeByTwo<'a> {
+    plane: &'a [f32],
+    size: [usize; 2],
+    lines: &'a mut Vec<f32>,
+    out: &'a mut [f32],
+    taps: &'a mut [f32],
+}
+
+impl WithSimd for ThreeByTwo<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { plane, size: [height, width], lines, out, taps } = self;
+        let across = width.div_ceil(2);
+        // Columns left of, at and right of each window's middle.
+        lines.clear();
+        lines.resize(3 * across, f32::NEG_INFINITY);
+        let (left, rest) = lines.split_at_mut(across);
+        let (middle, right) = rest.split_at_mut(across);
+        out.fill(f32::NEG_INFINITY);
+        for (y, (out, taps)) in
+            out.chunks_exact_mut(across).zip(taps.chunks_exact_mut(across)).enumerate()
+        {
+            for dy in 0..3 {
+                let row = (2 * y + dy).wrapping_sub(1);
+                if row >= height {
+                    continue;
+                }
+                let row = &plane[row * width..][..width];
+                for (x, pair) in row.chunks_exact(2).enumerate() {
+                    middle[x] = pair[0];
+                    right[x] = pair[1];
+                }
+                if width % 2 == 1 {
+                    middle[across - 1] = row[width - 1];
+                }
+                left[1..].copy_from_slice(&right[..across - 1]);
+                let first = (3 * dy) as f32;
+                for x in 0..across {
+                    let mut best = out[x];
+                    let mut tap = taps[x];
+                    if left[x] > best {
+                        best = left[x];
+                        tap = first;
+                    }
+                    if middle[x] > best {
+                        best = middle[x];
+                        tap = first + 1.0;
+                    }
+                    if right[x] > best {
+                        best = right[x];
+                        tap = first + 2.0;
+                    }
+                    out[x] = best;
+                    taps[x] = tap;
+                }
+            }
+        }
     }
 }
 
@@ -112,5 +185,31 @@ impl Kernel for Average {
         let area = height * width;
         let spread = |value: &f32| std::iter::repeat_n(value / area as f32, area);
         vec![Some(state.gradient.iter().flat_map(spread).collect())]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_special_way_finds_what_the_general_one_does() {
+        for [height, width] in [[7, 10], [6, 9], [1, 1], [5, 2]] {
+            let pool = MaxPool { size: 3, stride: 2, padding: 1 };
+            let plane: Vec<f32> = (0..height * width).map(|i| ((i * 37) % 23) as f32).collect();
+            let [down, across] = pool.out_size([height, width]);
+            let (mut out, mut taps) = (vec![0.0; down * across], vec![0.0; down * across]);
+            let (mut found, mut found_taps) = (out.clone(), taps.clone());
+            pool.plane(&plane, [height, width], &mut out, &mut taps);
+            let lines = &mut Vec::new();
+            vector::dispatch(ThreeByTwo {
+                plane: &plane,
+                size: [height, width],
+                lines,
+                out: &mut found,
+                taps: &mut found_taps,
+            });
+            assert_eq!((found, found_taps), (out, taps));
+        }
     }
 }

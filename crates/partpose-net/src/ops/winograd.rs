@@ -18,8 +18,10 @@ const OUT: usize = 4;
 const IN: usize = 6;
 /// Elements of a transformed tile.
 const POINTS: usize = IN * IN;
-/// Tiles of a block, about: its matrices stay in the second cache.
+/// Tiles of a block at most, about: its matrices stay in the second cache.
 const BLOCK: usize = 128;
+/// Tiles of a block at least, about, where there are few.
+const LEAST_BLOCK: usize = 32;
 /// Tiles are padded to a multiple of this: the widest vectors.
 const LANES: usize = 16;
 /// Gap between matrices, so that they do not compete for the same lines of the caches.
@@ -27,7 +29,7 @@ const GAP: usize = 16;
 /// Pieces that the gradient of the weights is summed in.
 const PIECES: usize = 4;
 /// Tiles from which transforming the weights pays.
-const LEAST_TILES: usize = 96;
+const LEAST_TILES: usize = 40;
 /// Channels from which transforming tiles pays.
 const LEAST_CHANNELS: usize = 24;
 
@@ -96,7 +98,7 @@ pub(super) fn backward_weight(input: &[f32], gradient: &[f32], s: &ConvShape) ->
         .map(|blocks| {
             let mut sums = vec![0.0; POINTS * count];
             let mut scratch = Scratch::default();
-            for block in blocks {
+            for (i, block) in blocks.iter().enumerate() {
                 let columns = block.columns();
                 let Scratch { tiles, inputs, outputs } = &mut scratch;
                 transform_tiles::<true>(input, s, block, tiles, inputs);
@@ -107,7 +109,7 @@ pub(super) fn backward_weight(input: &[f32], gradient: &[f32], s: &ConvShape) ->
                     let from = &outputs[point * (s.out_channels * columns + GAP)..];
                     let outputs = Matrix::dense(from, [s.out_channels, columns]);
                     let mut sum = MatrixMut::dense(sum, [s.out_channels, s.in_channels]);
-                    multiply(&mut sum, outputs, inputs.transposed(), true);
+                    multiply(&mut sum, outputs, inputs.transposed(), i > 0);
                 }
             }
             sums
@@ -115,22 +117,7 @@ pub(super) fn backward_weight(input: &[f32], gradient: &[f32], s: &ConvShape) ->
         .collect();
     let mut result = vec![0.0; count * 9];
     result.par_chunks_mut(s.in_channels * 9).enumerate().for_each(|(o, kernels)| {
-        for (c, kernel) in kernels.chunks_mut(9).enumerate() {
-            let at = o * s.in_channels + c;
-            let mut points = [0.0; POINTS];
-            for (point, value) in points.iter_mut().enumerate() {
-                *value = pieces.iter().map(|piece| piece[point * count + at]).sum();
-            }
-            let mut half = [[0.0; IN]; 3];
-            for x in 0..IN {
-                let column = [0, 1, 2, 3, 4, 5].map(|y| points[y * IN + x]);
-                let values = kernel_from_points(column);
-                (0..3).for_each(|y| half[y][x] = values[y]);
-            }
-            for (row, out) in half.into_iter().zip(kernel.chunks_mut(3)) {
-                out.copy_from_slice(&kernel_from_points(row));
-            }
-        }
+        vector::dispatch(KernelsBack { pieces: &pieces, first: o * s.in_channels, kernels });
     });
     result
 }
@@ -185,9 +172,15 @@ fn tiles(s: &ConvShape) -> [usize; 2] {
     s.out_size().map(|side| side.div_ceil(OUT))
 }
 
+/// Tiles of a block: few enough that there are several blocks for the threads, whose number does not matter.
+fn block_size(s: &ConvShape) -> usize {
+    let [down, across] = tiles(s);
+    (s.batch * down * across).div_ceil(PIECES).clamp(LEAST_BLOCK, BLOCK)
+}
+
 fn rows_of_piece(s: &ConvShape) -> usize {
     let [down, across] = tiles(s);
-    (BLOCK / across.max(1)).clamp(1, down.max(1))
+    (block_size(s) / across.max(1)).clamp(1, down.max(1))
 }
 
 /// Shares out an operation's tiles; the order is that of the pieces in memory.
@@ -200,7 +193,7 @@ fn blocks(s: &ConvShape) -> Vec<Block> {
             starts.map(move |first| Piece { image, first, rows: step.min(down - first) })
         })
         .collect();
-    let of_block = (BLOCK / (step * across).max(1)).max(1);
+    let of_block = (block_size(s) / (step * across).max(1)).max(1);
     pieces.chunks(of_block).map(|pieces| Block { pieces: pieces.to_vec(), across }).collect()
 }
 
@@ -209,32 +202,144 @@ fn transform_weights(weight: &[f32], s: &ConvShape) -> Vec<f32> {
     let channels = s.in_channels;
     let mut result = vec![0.0; s.out_channels * POINTS * channels];
     let outs = result.par_chunks_mut(POINTS * channels).zip(weight.par_chunks(9 * channels));
-    outs.for_each(|(points, kernels)| {
-        for (c, kernel) in kernels.chunks(9).enumerate() {
-            let columns =
-                [0, 1, 2].map(|x| points_from_kernel([kernel[x], kernel[3 + x], kernel[6 + x]]));
-            for y in 0..IN {
-                let row = points_from_kernel([columns[0][y], columns[1][y], columns[2][y]]);
-                (0..IN).for_each(|x| points[(y * IN + x) * channels + c] = row[x]);
-            }
-        }
+    outs.for_each_init(Vec::new, |taps, (points, kernels)| {
+        vector::dispatch(KernelsForth { kernels, taps, points });
     });
     result
 }
 
+/// Kernels of one output channel, `[channels, 9]`, to points, `[36, channels]`.
+struct KernelsForth<'a> {
+    kernels: &'a [f32],
+    taps: &'a mut Vec<f32>,
+    points: &'a mut [f32],
+}
+
+impl WithSimd for KernelsForth<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { kernels, taps, points } = self;
+        let channels = kernels.len() / 9;
+        // Tap by tap, so that neighbours in memory are channels.
+        taps.resize(9 * channels, 0.0);
+        for (c, kernel) in kernels.chunks_exact(9).enumerate() {
+            for k in 0..9 {
+                taps[k * channels + c] = kernel[k];
+            }
+        }
+        let mut half = [[[0.0f32; LANES]; 3]; IN];
+        for first in (0..channels).step_by(LANES) {
+            let count = LANES.min(channels - first);
+            for x in 0..3 {
+                let mut column = [[0.0f32; LANES]; 3];
+                for y in 0..3 {
+                    let from = &taps[(y * 3 + x) * channels + first..][..count];
+                    column[y][..count].copy_from_slice(from);
+                }
+                for lane in 0..LANES {
+                    let values =
+                        points_from_kernel([column[0][lane], column[1][lane], column[2][lane]]);
+                    for y in 0..IN {
+                        half[y][x][lane] = values[y];
+                    }
+                }
+            }
+            for y in 0..IN {
+                let mut row = [[0.0f32; LANES]; IN];
+                for lane in 0..LANES {
+                    let values =
+                        points_from_kernel([half[y][0][lane], half[y][1][lane], half[y][2][lane]]);
+                    for x in 0..IN {
+                        row[x][lane] = values[x];
+                    }
+                }
+                for x in 0..IN {
+                    let to = &mut points[(y * IN + x) * channels + first..][..count];
+                    to.copy_from_slice(&row[x][..count]);
+                }
+            }
+        }
+    }
+}
+
+/// Sums of points over pieces, `[36, out_channels, channels]` each, to kernels of one output channel, `[channels, 9]`.
+struct KernelsBack<'a> {
+    pieces: &'a [Vec<f32>],
+    first: usize,
+    kernels: &'a mut [f32],
+}
+
+impl WithSimd for KernelsBack<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { pieces, first, kernels } = self;
+        let channels = kernels.len() / 9;
+        for begin in (0..channels).step_by(LANES) {
+            let count = LANES.min(channels - begin);
+            let mut points = [[0.0f32; LANES]; POINTS];
+            for piece in pieces {
+                let step = piece.len() / POINTS;
+                for (point, sums) in points.iter_mut().enumerate() {
+                    let from = &piece[point * step + first + begin..][..count];
+                    for lane in 0..count {
+                        sums[lane] += from[lane];
+                    }
+                }
+            }
+            let mut half = [[[0.0f32; LANES]; IN]; 3];
+            for x in 0..IN {
+                for lane in 0..LANES {
+                    let mut column = [0.0; IN];
+                    for y in 0..IN {
+                        column[y] = points[y * IN + x][lane];
+                    }
+                    let values = kernel_from_points(column);
+                    for y in 0..3 {
+                        half[y][x][lane] = values[y];
+                    }
+                }
+            }
+            for y in 0..3 {
+                let mut row = [[0.0f32; LANES]; 3];
+                for lane in 0..LANES {
+                    let mut line = [0.0; IN];
+                    for x in 0..IN {
+                        line[x] = half[y][x][lane];
+                    }
+                    let values = kernel_from_points(line);
+                    for x in 0..3 {
+                        row[x][lane] = values[x];
+                    }
+                }
+                for lane in 0..count {
+                    for x in 0..3 {
+                        kernels[(begin + lane) * 9 + y * 3 + x] = row[x][lane];
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
 fn points_from_kernel([a, b, c]: [f32; 3]) -> [f32; IN] {
-    let (even, odd) = ((a + c) / -6.0, b / -6.0);
-    let (low, middle) = (a / 24.0 + c / 6.0, b / 12.0);
-    [a / 4.0, even + odd, even - odd, low + middle, low - middle, c]
+    let (even, odd) = ((a + c) * (-1.0 / 6.0), b * (-1.0 / 6.0));
+    let (low, middle) = (a * (1.0 / 24.0) + c * (1.0 / 6.0), b * (1.0 / 12.0));
+    [a * 0.25, even + odd, even - odd, low + middle, low - middle, c]
 }
 
 /// The transpose of [`points_from_kernel`].
+#[inline(always)]
 fn kernel_from_points(m: [f32; IN]) -> [f32; 3] {
-    let [first, second] = [m[1] + m[2], m[3] + m[4]];
+    let (first, second) = (m[1] + m[2], m[3] + m[4]);
     [
-        m[0] / 4.0 - first / 6.0 + second / 24.0,
-        (m[2] - m[1]) / 6.0 + (m[3] - m[4]) / 12.0,
-        second / 6.0 - first / 6.0 + m[5],
+        m[0] * 0.25 - first * (1.0 / 6.0) + second * (1.0 / 24.0),
+        (m[2] - m[1]) * (1.0 / 6.0) + (m[3] - m[4]) * (1.0 / 12.0),
+        (second - first) * (1.0 / 6.0) + m[5],
     ]
 }
 

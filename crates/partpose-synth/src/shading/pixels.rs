@@ -150,7 +150,7 @@ impl View<'_> {
                 return [NOTHING; 2];
             }
             let triangle = &list[id as usize];
-            let mesh = &self.seen[triangle.seen as usize].object.mesh;
+            let mesh = self.seen[triangle.seen as usize].mesh;
             let slot = mesh.materials.get(triangle.face as usize).copied().unwrap_or(0);
             [triangle.seen, u32::from(slot)]
         };

@@ -1,9 +1,11 @@
 //! Poses of all labelled vehicles of some frames under several configurations at once, from detections of the oracle or
 //! from a detector's.
 
+use std::time::Instant;
+
 use rayon::prelude::*;
 
-use crate::dataset::{DatasetError, Frame};
+use crate::dataset::{DatasetError, Frame, VehicleLabel};
 use crate::detection::Detection;
 use crate::oracle::{Degradation, Oracle, OracleBox, OracleOptions, strength_for_accuracy};
 use crate::parts::Scaling;
@@ -12,6 +14,8 @@ use crate::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator, PoseOptions
 use crate::vehicle::ModelZoo;
 
 use super::matching::{MatchOptions, TruthBoxes, match_detections};
+use super::scene::{self, Fitted, SceneProtocol};
+use super::uncertainty::{Sureness, sureness};
 use super::{PoseDeviation, Scored, pose_deviation};
 
 /// What is compared: a row of one of the paper's tables.
@@ -57,6 +61,8 @@ pub struct EvaluationOptions<'a> {
     /// Whose detections are kept, by frame and index of the configuration, to be drawn; all of them would fill the
     /// memory.
     pub keep_detections: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
+    /// How the vehicles of a frame are fitted together; each alone if not given.
+    pub scene: Option<SceneProtocol>,
 }
 
 /// What became of one vehicle under one configuration.
@@ -70,6 +76,10 @@ pub struct VehicleOutcome {
     pub estimate: Result<PoseEstimate, NoPose>,
     /// Its deviation from the truth.
     pub scored: Scored,
+    /// What the dense fit said of itself, against the truth, where it is known which model is right.
+    pub sureness: Option<Sureness>,
+    /// Seconds that the estimate took on one thread, with whatever else the machine did then.
+    pub seconds: f64,
     /// The paper's PA of the detection's mask; `None` where the frame has no part mask.
     pub pixel_accuracy: Option<f64>,
 }
@@ -121,30 +131,62 @@ fn evaluate_frame(
     let oracle = Oracle::new(frame, frame.read_parts()?, options.zoo);
     let run = |(index, (configuration, estimator)): (usize, (&Configuration, &PoseEstimator))| {
         let keep = (options.keep_detections)(frame, index);
-        let one = |vehicle: &usize| {
-            let outcome =
-                evaluate_vehicle(frame, *vehicle, options, &oracle, (configuration, estimator));
+        let stage = (configuration, estimator);
+        let mut fitted = match &options.scene {
+            Some(protocol) => scene::fit(frame, options, protocol, &oracle, stage),
+            None => vehicles.iter().map(|v| alone(frame, *v, options, &oracle, stage)).collect(),
+        };
+        fitted.retain(|fitted| vehicles.contains(&fitted.vehicle));
+        let one = |fitted: Fitted| {
+            let outcome = outcome(frame, fitted, options, (Some(&oracle), configuration));
             VehicleOutcome { detection: outcome.detection.filter(|_| keep), ..outcome }
         };
-        vehicles.iter().map(one).collect()
+        fitted.into_iter().map(one).collect()
     };
     Ok(configurations.iter().zip(estimators).enumerate().map(run).collect())
 }
 
-fn evaluate_vehicle(
+/// Where a vehicle's size comes from.
+pub(super) fn extent_source(extent: TruthExtent, label: &VehicleLabel) -> ExtentSource {
+    match extent {
+        TruthExtent::PerAxis => ExtentSource::Given(label.cuboid.extent),
+        TruthExtent::Uniform => ExtentSource::GivenUniform(label.cuboid.extent),
+        TruthExtent::None => ExtentSource::Model,
+        TruthExtent::Free => ExtentSource::Free(SizePrior::around(None)),
+    }
+}
+
+/// One vehicle of the oracle's by itself.
+fn alone(
     frame: &Frame,
     vehicle: usize,
     options: &EvaluationOptions,
     oracle: &Oracle,
     (configuration, estimator): (&Configuration, &PoseEstimator),
-) -> VehicleOutcome {
+) -> Fitted {
     let oracle_options = OracleOptions {
         kernel: configuration.kernel,
         bounds: options.bounds,
         degradation: configuration.degradation,
     };
-    let detection = oracle.detection(vehicle, &oracle_options);
-    estimate(frame, vehicle, options, (detection, Some(oracle)), (configuration, estimator))
+    by_itself(frame, vehicle, options, oracle.detection(vehicle, &oracle_options), estimator)
+}
+
+/// The pose of one detection, whatever is around it.
+fn by_itself(
+    frame: &Frame,
+    vehicle: usize,
+    options: &EvaluationOptions,
+    detection: Option<Detection>,
+    estimator: &PoseEstimator,
+) -> Fitted {
+    let extent = extent_source(options.extent, &frame.vehicles[vehicle]);
+    let start = Instant::now();
+    let estimate = match &detection {
+        Some(detection) => estimator.estimate(&frame.camera, detection, &extent),
+        None => Err(NoPose::TooFewCorrespondences { found: 0, seen: 0 }),
+    };
+    Fitted { vehicle, detection, estimate, seconds: start.elapsed().as_secs_f64() }
 }
 
 /// Evaluates what a detector says of frames: poses of the assigned detections ([`super::matching`]) with at least the
@@ -199,44 +241,52 @@ fn evaluate_found(
         Some(_) => Some(Oracle::new(frame, frame.read_parts()?, options.zoo)),
         None => None,
     };
-    let run = |(index, pair): (usize, (&Configuration, &PoseEstimator))| {
+    let assigned: Vec<(usize, Option<Detection>)> = assigned
+        .into_iter()
+        .map(|(vehicle, detection)| (vehicle, Some(detection.clone())))
+        .collect();
+    let run = |(index, (configuration, estimator)): (usize, (&Configuration, &PoseEstimator))| {
         let keep = (options.keep_detections)(frame, index);
-        let one = |(vehicle, detection): &(usize, &Detection)| {
-            let found = (Some((*detection).clone()), oracle.as_ref());
-            let outcome = estimate(frame, *vehicle, options, found, pair);
+        let fitted = match &options.scene {
+            Some(protocol) => {
+                scene::fit_detections(frame, options, protocol, assigned.clone(), estimator)
+            }
+            None => assigned
+                .iter()
+                .map(|(vehicle, found)| {
+                    by_itself(frame, *vehicle, options, found.clone(), estimator)
+                })
+                .collect(),
+        };
+        let one = |fitted: Fitted| {
+            let outcome = outcome(frame, fitted, options, (oracle.as_ref(), configuration));
             VehicleOutcome { detection: outcome.detection.filter(|_| keep), ..outcome }
         };
-        assigned.iter().map(one).collect()
+        fitted.into_iter().map(one).collect()
     };
     Ok(configurations.iter().zip(estimators).enumerate().map(run).collect())
 }
 
-/// The pose of a detection and its scores; `oracle` knows the true part mask.
-fn estimate(
+/// A fit against the truth; `oracle` knows the true part mask.
+fn outcome(
     frame: &Frame,
-    vehicle: usize,
+    fitted: Fitted,
     options: &EvaluationOptions,
-    (detection, oracle): (Option<Detection>, Option<&Oracle>),
-    (configuration, estimator): (&Configuration, &PoseEstimator),
+    (oracle, configuration): (Option<&Oracle>, &Configuration),
 ) -> VehicleOutcome {
+    let Fitted { vehicle, detection, estimate, seconds } = fitted;
     let label = &frame.vehicles[vehicle];
-    let extent = match options.extent {
-        TruthExtent::PerAxis => ExtentSource::Given(label.cuboid.extent),
-        TruthExtent::Uniform => ExtentSource::GivenUniform(label.cuboid.extent),
-        TruthExtent::None => ExtentSource::Model,
-        TruthExtent::Free => ExtentSource::Free(SizePrior::around(None)),
-    };
-    let estimate = match &detection {
-        Some(detection) => estimator.estimate(&frame.camera, detection, &extent),
-        None => Err(NoPose::TooFewCorrespondences { found: 0, seen: 0 }),
-    };
     let scored =
         estimate.as_ref().ok().map(|estimate| deviation(frame, vehicle, options, estimate));
+    let sureness = match (&estimate, scored.and_then(|scored| scored.model_is_right)) {
+        (Ok(estimate), Some(right)) => sureness(estimate, &label.cuboid, right),
+        _ => None,
+    };
     let scaling = configuration.pose.scaling;
     let pixel_accuracy = oracle.map(|oracle| {
         detection.as_ref().map_or(0.0, |d| accuracy(oracle, vehicle, d, frame.camera.size, scaling))
     });
-    VehicleOutcome { vehicle, detection, estimate, scored, pixel_accuracy }
+    VehicleOutcome { vehicle, detection, estimate, scored, sureness, seconds, pixel_accuracy }
 }
 
 fn deviation(

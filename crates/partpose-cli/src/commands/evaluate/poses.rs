@@ -1,21 +1,26 @@
 //! `partpose evaluate poses`: the paper's Tables III to V, or one configuration.
 
 mod bias;
+mod compare;
 mod frames;
 mod output;
 mod pictures;
 mod predicted;
 mod rows;
+mod scene;
+mod uncertainty;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
+use anyhow::Context;
 use clap::ValueEnum;
 use partpose::dataset::folds::Folds;
 use partpose::dataset::{Dataset, Frame};
 use partpose::eval::model_names::ModelNames;
 use partpose::eval::{
-    Configuration, EvaluationOptions, Stratum, TruthExtent, VehicleOutcome, evaluate_frames,
+    Configuration, EvaluationOptions, SceneProtocol, Stratum, TruthExtent, VehicleOutcome,
+    evaluate_frames,
 };
 use partpose::files;
 use partpose::oracle::OracleBox;
@@ -23,12 +28,12 @@ use partpose::vehicle::ModelZoo;
 
 use super::selection::{self, Needs, Selection};
 use super::source::{Source, SourceFlags};
-use crate::commands::provenance;
+use crate::commands::{mask_bias, provenance};
 use crate::pose_flags::PoseFlags;
 use crate::progress;
 use crate::report::{Outcome, hint, note, warn};
 
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone)]
 #[command(after_help = "\
 Examples:
   partpose evaluate poses --dataset DIR --fit dense --out scores
@@ -68,12 +73,21 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value = "truth")]
     extent: ExtentFlag,
     /// Worlds on which it is measured how far masks lie off the models' outlines, for the dense fit; with `--fold` on
-    /// the tracks of the other folds
-    #[arg(long, value_delimiter = ',', value_name = "WORLDS")]
+    /// the tracks of the other folds; `zoo` takes what was measured when the zoo was carved
+    #[arg(long, value_delimiter = ',', value_name = "WORLDS|zoo")]
     mask_bias: Vec<String>,
-    /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration
+    #[command(flatten)]
+    scene: scene::Flags,
+    /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration; with `--fit epnp`,
+    /// the paper's solver, unless another one of centres is asked for
     #[arg(long, conflicts_with_all = ["kernel", "scaling", "refine", "points_2d", "points_3d", "filters"])]
     tables: bool,
+    /// The dense fit beside the paper's method and the best setting of points: every row of the tables, by distance,
+    /// occlusion, truncation, mask accuracy, where sizes come from, and time, as tables and plots
+    #[arg(long, conflicts_with_all = ["tables", "degrade", "extent", "kernel", "scaling", "refine", "points_2d", "points_3d", "filters", "fit"], requires = "oracle")]
+    compare: bool,
+    #[arg(skip)]
+    comparison: Option<compare::Rows>,
     /// Draw this many frames, evenly spread, under the last configuration
     #[arg(long, value_name = "N", default_value_t = 0)]
     pictures: usize,
@@ -84,7 +98,7 @@ pub(crate) struct Arguments {
     out: PathBuf,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum BoxFlag {
     /// The annotated box, the projection of the cuboid
     Annotated,
@@ -92,7 +106,7 @@ enum BoxFlag {
     Tight,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ExtentFlag {
     /// Models scaled per axis to the true size, as in the paper
     Truth,
@@ -141,6 +155,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         })
         .collect::<Result<_, _>>()?;
     let names = frames::model_names(arguments, &zoos[0])?;
+    if arguments.compare {
+        return compare::run(arguments, &dataset, (&folds, &zoos), &names);
+    }
     let source = if arguments.oracle { None } else { Some(predicted::open(&arguments.source)?) };
     let evaluated = evaluate(arguments, &dataset, (&folds, &zoos), (source.as_ref(), &names))?;
     if evaluated.rows[0].is_empty() {
@@ -180,7 +197,7 @@ fn evaluate(
     let mut configurations = rows::configurations(arguments, source.map(Source::kernel));
     if let Some(target) = arguments.degrade {
         let right = |name: &str| names.right(name, &zoos[0]);
-        let options = options(arguments, &zoos[0], (&|_, _| true, &|_, _| false, &right));
+        let options = options(arguments, &zoos[0], (&|_, _| true, &|_, _| false, &right), None);
         rows::degrade(&mut configurations, &frames, &options, target, arguments.pose.seed)?;
     }
     let last = configurations.len() - 1;
@@ -203,14 +220,25 @@ fn evaluate(
                 dealt.is_none()
                     || (frame.vehicles[vehicle].track.is_some() && !include(frame, vehicle))
             };
-            let bias = bias::measure(arguments, dataset, zoo, *fold, &others)?;
+            let bias = if arguments.mask_bias == ["zoo"] {
+                let zoo = frames::zoo_path(arguments, *fold);
+                let zoo =
+                    zoo.context("the embedded zoo has no mask bias: give a carved `--zoo`")?;
+                mask_bias::read(&zoo.join(mask_bias::NAME))?
+            } else {
+                bias::measure(arguments, dataset, zoo, *fold, &others)?
+            };
             for configuration in &mut configurations {
                 configuration.pose.dense.mask_bias = Some(bias);
             }
         }
         let keep = |frame: &Frame, index: usize| index == last && pictures.shows(frame);
         let right = |name: &str| names.right(name, zoo);
-        let options = options(arguments, zoo, (&include, &keep, &right));
+        let scene = arguments.scene.protocol();
+        let mut options = options(arguments, zoo, (&include, &keep, &right), scene);
+        if source.is_none() {
+            scene::measure(&mut options, &frames, &configurations[last])?;
+        }
         let outcomes = outcomes(&frames, source, arguments, (&options, &configurations));
         for (frame, outcome) in frames.iter().zip(outcomes) {
             match outcome {
@@ -270,6 +298,7 @@ fn options<'a>(
         Asks<'a>,
         &'a (dyn Fn(&str) -> Vec<usize> + Sync),
     ),
+    scene: Option<SceneProtocol>,
 ) -> EvaluationOptions<'a> {
     EvaluationOptions {
         zoo,
@@ -286,6 +315,7 @@ fn options<'a>(
         include,
         right_models,
         keep_detections,
+        scene,
     }
 }
 

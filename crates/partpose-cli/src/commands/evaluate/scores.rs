@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use partpose::eval::{Table, files_with_ending};
 use partpose::files::{self, RgbImage};
+use partpose::formats::{PosedImage, read_result};
 
 use crate::report::{self, Outcome, hint, note, warn};
 
@@ -46,6 +47,21 @@ pub(crate) fn only_file(given: &Path, ending: &str, flag: &str) -> anyhow::Resul
             format!("give the file itself as `{flag}`"),
         )),
     }
+}
+
+/// The results of `fit`, if that is what the folder or file holds: one prediction file for every evaluator.
+///
+/// An evaluator scores all or nothing, so one that cannot be read is an error.
+pub(crate) fn own_results(given: &Path) -> anyhow::Result<Option<Vec<PosedImage>>> {
+    let mut paths =
+        if given.is_dir() { files_with_ending(given, "json")? } else { vec![given.to_owned()] };
+    let category = |_: &str| "Car".to_owned();
+    paths.retain(|path| path.file_name().is_none_or(|name| name != "metrics.json"));
+    if !paths.first().is_some_and(|path| read_result(path, &category).is_ok()) {
+        return Ok(None);
+    }
+    let images: Result<Vec<_>, _> = paths.iter().map(|path| read_result(path, &category)).collect();
+    Ok(Some(images?))
 }
 
 /// The first of the places beside or above a folder where a file is.

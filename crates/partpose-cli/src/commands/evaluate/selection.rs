@@ -9,7 +9,7 @@ use crate::report::{hint, warn};
 /// The variation that is meant where the oracle makes the detections: to it all weathers look the same.
 const CLEAR: &str = "clone";
 
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone)]
 pub(super) struct Selection {
     /// Folder of the data set; its layout is recognised
     #[arg(long, value_name = "DIR")]

@@ -22,7 +22,7 @@ const CHUNK: usize = 32;
 /// Complaints that are printed one by one; the rest is counted.
 const MOST_COMPLAINTS: usize = 10;
 
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone)]
 pub(super) struct SourceFlags {
     /// Detections to score: safetensors as `run` and others write them, or a folder of such files. May be given several
     /// times: each is a row of the tables, and the figures at the top of `metrics.json` are the first's

@@ -3,12 +3,12 @@
 use partpose::dataset::folds::Fold;
 use partpose::dataset::{Dataset, Frame};
 use partpose::eval::measure_mask_bias;
-use partpose::files;
 use partpose::pose::dense::MaskBias;
 use partpose::vehicle::ModelZoo;
 
 use super::{Arguments, Needs, selection};
-use crate::report::{hint, note, warn};
+use crate::commands::mask_bias;
+use crate::report::{hint, warn};
 
 /// Every how many frames a mask is measured: neighbours say the same.
 const STRIDE: u32 = 3;
@@ -38,15 +38,8 @@ pub(super) fn measure(
     })?;
     let name = match fold {
         Some(fold) => format!("mask-bias-{}.json", fold.index),
-        None => "mask-bias.json".to_owned(),
+        None => mask_bias::NAME.to_owned(),
     };
-    let text = serde_json::to_string_pretty(&bias)?;
-    files::write(&arguments.out.join(&name), text.as_bytes())?;
-    let sides = |z: f64| bias.at(z).map(|side| format!("{side:+.2}")).join(", ");
-    note(format_args!(
-        "masks lie off the models by (left, top, right, bottom) {} px at 15 m, {} px at 40 m; wrote `{name}`",
-        sides(15.0),
-        sides(40.0)
-    ));
+    mask_bias::write(&arguments.out.join(&name), &bias)?;
     Ok(bias)
 }

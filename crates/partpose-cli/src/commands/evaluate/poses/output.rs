@@ -8,7 +8,7 @@ use partpose::eval::{PoseScores, Table, breakdown, paper_tables, score_table, su
 use partpose::files;
 use serde_json::json;
 
-use super::{Arguments, Evaluated};
+use super::{Arguments, Evaluated, uncertainty};
 use crate::report;
 
 /// Prints the tables and writes everything.
@@ -46,6 +46,7 @@ pub(super) fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Res
         evaluated.configurations[detailed].name
     );
     tables.push(score_table(&title, &by));
+    tables.extend(uncertainty::tables(evaluated));
     let text = markdown(&tables);
     report::data(&text)?;
     let file = |name: &str| arguments.out.join(name);
@@ -53,6 +54,7 @@ pub(super) fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Res
     for (index, table) in tables.iter().enumerate() {
         files::write(&file(&format!("table-{}.csv", index + 1)), table.to_csv().as_bytes())?;
     }
+    uncertainty::write_plots(arguments, evaluated)?;
     files::write(&file("vehicles.csv"), vehicle_list(evaluated).to_csv().as_bytes())?;
     write_metrics(&file("metrics.json"), arguments, evaluated, &scores, &by)
 }
@@ -85,6 +87,7 @@ fn write_metrics(
                 "pose": configuration.pose,
                 "degradation_strength": configuration.degradation.map(|d| d.strength),
                 "mean_pixel_accuracy": accuracy,
+                "uncertainty": uncertainty::scores(rows),
                 "scores": scores,
             })
         })
@@ -142,6 +145,9 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
         "delta_alpha_x",
         "delta_alpha_y",
         "delta_alpha_z",
+        "confidence",
+        "normalised_squared_error",
+        "depth_sd",
         "no_pose",
     ];
     let mut table = Table::new("vehicles", &columns);
@@ -163,10 +169,16 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
                 cells.push(rmse.map_or(String::new(), |rmse| format!("{rmse:.3}")));
                 let numbers = std::iter::once(d.iou3d).chain(d.translation).chain(d.rotation);
                 cells.extend(numbers.map(|value| format!("{value:.4}")));
+                let said =
+                    row.outcome.sureness.map(|s| [s.confidence, s.squared_error, s.depth_sd]);
+                match said {
+                    Some(said) => cells.extend(said.map(|value| format!("{value:.4}"))),
+                    None => cells.extend(std::iter::repeat_n(String::new(), 3)),
+                }
                 cells.push(String::new());
             }
             (outcome, _) => {
-                cells.extend(std::iter::repeat_n(String::new(), 9));
+                cells.extend(std::iter::repeat_n(String::new(), 12));
                 cells.push(outcome.as_ref().err().map_or(String::new(), ToString::to_string));
             }
         }

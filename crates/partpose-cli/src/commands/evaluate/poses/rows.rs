@@ -4,9 +4,9 @@ use partpose::dataset::Frame;
 use partpose::eval::{Configuration, EvaluationOptions, calibrate, paper_configurations};
 use partpose::oracle::Degradation;
 use partpose::parts::Scaling;
-use partpose::pose::{Center2d, Center3d, PoseOptions};
+use partpose::pose::{Center2d, Center3d, PnpMethod, PoseOptions};
 
-use super::Arguments;
+use super::{Arguments, compare};
 use crate::report::{hint, warn};
 
 /// Frames that the strength of degradation is found on.
@@ -17,7 +17,14 @@ const ACCURACY_TOLERANCE: f64 = 0.005;
 /// One row as asked, or those of Tables III to V and what goes past them; of detections that are given only the rows
 /// with their size of kernel.
 pub(super) fn configurations(arguments: &Arguments, given: Option<usize>) -> Vec<Configuration> {
-    let base = arguments.pose.options();
+    if let Some(rows) = arguments.comparison {
+        return compare::configurations(rows, arguments.pose.seed);
+    }
+    let mut base = arguments.pose.options();
+    if arguments.tables && base.method == PnpMethod::Dense {
+        // The tables are of centres of parts.
+        base.method = PnpMethod::Epnp;
+    }
     if !arguments.tables {
         let (name, kernel) = ("as asked".to_owned(), given.unwrap_or(arguments.kernel as usize));
         return vec![Configuration { name, kernel, pose: base, degradation: None }];
