@@ -374,7 +374,8 @@ mod tests {
         let cameras = Cameras::guess(90f64.to_radians());
         let (camera, origin) = cameras.of(Path::new("a.png"), &photo).unwrap();
         assert!((camera.focal[0] - 200.0).abs() < 1e-9 && origin == Origin::FieldOfView);
-        assert_eq!(camera.principal_point, [199.5, 149.5]);
+        let expected = Camera::pinhole(camera.focal[0], [199.5, 149.5], [400, 300]);
+        assert_eq!(camera, expected);
         photo.focal_35mm = Some(43.266_615);
         let (camera, origin) = cameras.of(Path::new("a.png"), &photo).unwrap();
         assert!((camera.focal[0] - 500.0).abs() < 1e-9 && origin == Origin::Exif);

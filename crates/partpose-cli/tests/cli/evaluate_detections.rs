@@ -1,5 +1,6 @@
 //! What a detector found, scored: `evaluate boxes`, `masks` and `poses` on a small data set made of the embedded models.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
@@ -7,7 +8,7 @@ use partpose::dataset::{Dataset, Frame};
 use partpose::detection::Detection;
 use partpose::files::{RgbImage, encode_png};
 use partpose::formats::{DetectionFile, write_detections};
-use partpose::geometry::{Camera, Cuboid, EulerAngles, Pose, Rect};
+use partpose::geometry::{Camera, Cuboid, EulerAngles, Extent, Pose, Rect};
 use partpose::oracle::{Oracle, OracleOptions};
 use partpose::parts::PartMask;
 use partpose::render::{Instance, render_labels};
@@ -47,13 +48,14 @@ fn dataset(folder: &Path) -> ModelZoo {
             let [l, t, r, b] =
                 [bounds.x_min, bounds.y_min, bounds.x_max, bounds.y_max].map(f64::round);
             let label = if track == 2 { "DontCare" } else { "Car" };
-            rows += &format!(
-                "{frame} {track} {label} 0 0 0 {l} {t} {r} {b} {} {} {} {x} 1.6 {z} {yaw} 0 0 0 0.9 Car 0 {} Red\n",
-                extent.width,
-                extent.height,
-                extent.length,
+            let Extent { width, height, length } = extent;
+            writeln!(
+                rows,
+                "{frame} {track} {label} 0 0 0 {l} {t} {r} {b} {width} {height} {length} {x} 1.6 {z} {yaw} 0 0 0 0.9 \
+                 Car 0 {} Red",
                 model.name()
-            );
+            )
+            .unwrap();
             let scale = nalgebra::Vector3::repeat(1.0);
             instances.push(Instance {
                 mesh: model.mesh(),

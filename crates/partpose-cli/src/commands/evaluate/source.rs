@@ -65,11 +65,10 @@ impl SourceFlags {
         if sources.is_empty() && networks.is_empty() {
             networks.push(Network::load(None)?);
         }
-        sources.extend(
-            networks
-                .into_iter()
-                .map(|network| Source { name: network.name.clone(), kind: Kind::Network(network) }),
-        );
+        sources.extend(networks.into_iter().map(|network| Source {
+            name: network.name.clone(),
+            kind: Kind::Network(Box::new(network)),
+        }));
         Ok(sources)
     }
 }
@@ -82,7 +81,7 @@ pub(super) struct Source {
 
 enum Kind {
     File(DetectionIndex),
-    Network(Network),
+    Network(Box<Network>),
     Oracle(OracleOptions),
 }
 

@@ -125,7 +125,9 @@ fn matching(pattern: &Path, paths: &mut BTreeSet<PathBuf>) -> Result<(), FileErr
     for part in pattern.components() {
         let text = part.as_os_str().to_string_lossy();
         if !matches!(part, Component::Normal(_)) || !text.contains(['*', '?']) {
-            found.iter_mut().for_each(|path| path.push(part));
+            for path in &mut found {
+                path.push(part);
+            }
             found.retain(|path| path.as_os_str() == ".." || path.exists());
             continue;
         }
