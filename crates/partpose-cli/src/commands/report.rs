@@ -16,6 +16,7 @@ use crate::report::{Outcome, note};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   partpose report out/evaluation --out report.html
+  partpose explain ... --out out/evaluation/explain    its pictures are then shown
   partpose report out/epnp out/dense --title \"EPnP and the dense fit\" --out report.html
 
 Any folder that `fit`, `demo` or `evaluate` wrote can be given; several are laid beside each other.")]

@@ -19,6 +19,8 @@ const STEPS: [&str; 4] = ["step", "iteration", "epoch", "images"];
 /// A vehicle of an evaluation.
 pub(super) struct Vehicle {
     pub(super) frame: String,
+    /// Its number in the frame, from 1, where the list tells it.
+    pub(super) number: Option<u32>,
     pub(super) model: String,
     pub(super) predicted: Option<String>,
     pub(super) depth: f64,
@@ -116,6 +118,7 @@ fn vehicles(table: &Table) -> Vec<Vehicle> {
         let index: u32 = text(frame).parse().unwrap_or(0);
         Vehicle {
             frame: format!("{}/{index:05}", text(sequence)),
+            number: text(column("vehicle")).parse().ok(),
             model: text(model).to_owned(),
             predicted: Some(text(predicted).to_owned()).filter(|name| !name.is_empty()),
             depth: number(depth).unwrap_or(0.0),

@@ -39,13 +39,13 @@ pub(super) fn rows(run: &Run, most: usize) -> Vec<Row<'_>> {
     rows
 }
 
-/// The first picture whose name begins with that of the vehicle's frame; those that explain come first.
+/// The vehicle's own picture, as `explain` draws one, or else that of its frame.
 fn picture<'a>(run: &'a Run, vehicle: &Vehicle) -> Option<&'a Path> {
-    let wanted = stem(&vehicle.frame);
-    let found = run.pictures.iter().find(|path| {
-        let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        name.strip_prefix(wanted.as_str())
-            .is_some_and(|rest| !rest.starts_with(|character: char| character.is_ascii_digit()))
-    });
-    found.map(PathBuf::as_path)
+    let called = |wanted: &str| {
+        let has_name = |path: &&PathBuf| path.file_stem().is_some_and(|name| name == wanted);
+        run.pictures.iter().find(has_name).map(PathBuf::as_path)
+    };
+    let frame = stem(&vehicle.frame);
+    let own = vehicle.number.and_then(|number| called(&format!("{frame}-{number}")));
+    own.or_else(|| called(&frame))
 }
