@@ -10,7 +10,7 @@ use super::SynthError;
 /// Width of one picture on a sheet, pixels.
 const WIDTH: usize = 480;
 /// Pictures beside each other.
-const COLUMNS: usize = 3;
+const COLUMNS: usize = 2;
 /// Space between them, pixels.
 const GAP: usize = 4;
 /// Quality of the files: pictures of noise and leaves are several times larger without loss.

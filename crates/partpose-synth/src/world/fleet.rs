@@ -122,7 +122,8 @@ impl Fleet {
 /// Body styles of Virtual KITTI's meshes whose names do not say it.
 fn synonym(mesh: &str) -> Option<&'static str> {
     match mesh {
-        "hybrid" | "peugeot_207" => Some("hatchback"),
+        // Their masks show rear doors and the small panes behind them.
+        "hatchback" | "hybrid" | "peugeot_207" => Some("hatchback-5-door"),
         _ => None,
     }
 }
