@@ -100,7 +100,7 @@ impl CameraEffects {
             contrast: rng.random_range(0.0..1.0),
             black: sometimes(rng, 0.6, 0.002, 0.03),
             saturation: rng.random_range(0.75..1.2),
-            noise: rng.random_range(0.002..0.03),
+            noise: 0.002 + 0.026 * rng.random::<f32>().powi(2),
             motion_blur: sometimes(rng, 0.5, 0.1, 1.0),
             softness: rng.random_range(0.0..0.7),
             sharpening: sometimes(rng, 0.5, 0.1, 0.7),

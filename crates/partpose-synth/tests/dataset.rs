@@ -242,3 +242,19 @@ fn progress_reaches_its_total_with_and_without_frames_that_are_there() {
         assert_eq!(told.into_inner().unwrap(), [4, 4]);
     }
 }
+
+#[test]
+fn the_shipped_sample_is_small_and_its_labels_agree() {
+    let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/world");
+    let bytes: usize = files(&sample).values().map(Vec::len).sum();
+    assert!(bytes < 3_000_000, "{bytes} bytes");
+    let record = fs::read_to_string(sample.join(MANIFEST)).unwrap();
+    assert!(record.contains("\"layout\": null"), "the sample follows no real layout");
+    let dataset = Dataset::open(&sample).unwrap();
+    let report = check(&dataset, &CheckOptions::default(), &mut |_| {});
+    assert!(report.is_clean(), "{:?}", report.problems);
+    let counts = verify(&sample).unwrap();
+    assert!(counts.iter().all(|(_, counts)| counts.is_clean()), "{counts:?}");
+    let found = statistics(&dataset).unwrap();
+    assert!(found.frames >= 4 && found.rows > 20, "{found:?}");
+}

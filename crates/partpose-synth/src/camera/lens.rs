@@ -203,7 +203,7 @@ fn sun_veil(scene: &Scene, gain: [f32; 3], [width, height]: [usize; 2]) -> Optio
     let color = [0, 1, 2].map(|i| color[i] * gain[i].min(6.0));
     let ghost = |share: f32, radius: f32, tint: [f32; 3]| {
         let at = [0, 1].map(|i| middle[i] + share * (sun[i] - middle[i]));
-        (at, radius * size, [0, 1, 2].map(|i| 0.35 * color[i] * tint[i]))
+        (at, radius * size, [0, 1, 2].map(|i| 0.14 * color[i] * tint[i]))
     };
     let ghosts = [
         ghost(-0.35, 0.018, [0.6, 1.0, 0.7]),
@@ -216,11 +216,12 @@ fn sun_veil(scene: &Scene, gain: [f32; 3], [width, height]: [usize; 2]) -> Optio
 
 impl Veil {
     fn at(&self, [x, y]: [f32; 2]) -> [f32; 3] {
-        let distance = (x - self.sun[0]).hypot(y - self.sun[1]) / self.width;
+        let distance_to = |[u, v]: [f32; 2]| ((x - u) * (x - u) + (y - v) * (y - v)).sqrt();
+        let distance = distance_to(self.sun) / self.width;
         let share = 1.0 / (1.0 + 4.0 * distance * distance);
         let mut sum = self.color.map(|value| value * share);
         for (at, radius, color) in &self.ghosts {
-            let distance = (x - at[0]).hypot(y - at[1]) / radius;
+            let distance = distance_to(*at) / radius;
             if distance < 1.0 {
                 let edge = ((1.0 - distance) * 8.0).min(1.0) * (0.4 + 0.6 * distance);
                 for (sum, value) in sum.iter_mut().zip(color) {

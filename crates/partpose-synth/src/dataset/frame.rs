@@ -54,9 +54,9 @@ pub(super) fn write(
 
 /// The camera, where it is another than every reader takes for granted.
 pub(super) fn other_camera(options: &SynthOptions, planned: &[PlannedWorld]) -> Option<Camera> {
-    let camera = options.camera.camera;
-    let follows = planned.iter().any(PlannedWorld::follows_a_layout);
-    (camera != CameraOptions::default().camera && !follows).then_some(camera)
+    let of_layout = planned.iter().find_map(PlannedWorld::camera_of_layout);
+    let camera = of_layout.unwrap_or(options.camera.camera);
+    (camera != CameraOptions::default().camera).then_some(camera)
 }
 
 /// The rows of a frame: its camera, and the vehicles of which anything is seen.

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use partpose::dataset::{Dataset, SequenceId};
+use partpose::geometry::Camera;
 
 use super::{SynthError, SynthOptions};
 use crate::world::{Fleet, Layout, SceneKind, Variation, World, WorldOptions};
@@ -106,8 +107,11 @@ impl PlannedWorld {
         }
     }
 
-    /// Whether the camera is that of the layout, whatever the options say.
-    pub(super) fn follows_a_layout(&self) -> bool {
-        matches!(self.source, Source::Layout(_))
+    /// The camera, where it is that of a layout, whatever the options say.
+    pub(super) fn camera_of_layout(&self) -> Option<Camera> {
+        match &self.source {
+            Source::Random { .. } => None,
+            Source::Layout(layout) => Some(layout.camera()),
+        }
     }
 }
