@@ -22,7 +22,7 @@ use partpose::files;
 use partpose::oracle::OracleBox;
 use partpose::vehicle::ModelZoo;
 
-use crate::commands::{mask_bias, provenance};
+use crate::commands::provenance;
 use crate::pose_flags::PoseFlags;
 use crate::progress;
 use crate::report::{Outcome, hint, note, warn, warn_error};
@@ -202,11 +202,7 @@ fn evaluate(
                 dealt.is_none()
                     || (frame.vehicles[vehicle].track.is_some() && !include(frame, vehicle))
             };
-            let bias = if arguments.mask_bias == ["zoo"] {
-                mask_bias::read(&frames::zoo_path(arguments, *fold).join(mask_bias::NAME))?
-            } else {
-                bias::measure(arguments, dataset, zoo, *fold, &others)?
-            };
+            let bias = bias::of(arguments, dataset, zoo, *fold, &others)?;
             for configuration in &mut configurations {
                 configuration.pose.dense.mask_bias = Some(bias);
             }

@@ -13,8 +13,22 @@ use crate::report::{hint, warn};
 /// Every how many frames a mask is measured: neighbours say the same.
 const STRIDE: u32 = 3;
 
-/// Measures on the worlds asked for, and writes what `fit --mask-bias` reads.
-pub(super) fn measure(
+/// What the zoo was carved with, or what is measured on the worlds asked for.
+pub(super) fn of(
+    arguments: &Arguments,
+    dataset: &Dataset,
+    zoo: &ModelZoo,
+    fold: Option<Fold>,
+    include: &(dyn Fn(&Frame, usize) -> bool + Sync),
+) -> anyhow::Result<MaskBias> {
+    if arguments.mask_bias == ["zoo"] {
+        return mask_bias::read(&frames::zoo_path(arguments, fold).join(mask_bias::NAME));
+    }
+    measure(arguments, dataset, zoo, fold, include)
+}
+
+/// Measures, and writes what `fit --mask-bias` reads.
+fn measure(
     arguments: &Arguments,
     dataset: &Dataset,
     zoo: &ModelZoo,
