@@ -35,6 +35,8 @@ enum Command {
     Synth(commands::synth::Arguments),
     /// Turn anybody's detections into poses
     Fit(commands::fit::Arguments),
+    /// Draw why each vehicle was found where it was, and how sure that is
+    Explain(commands::explain::Arguments),
     /// Write the results of `fit` in other programs' formats
     Export(commands::export::Arguments),
     /// Score poses and solvers against ground truth
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         Command::Label(arguments) => commands::label::run(&arguments),
         Command::Synth(arguments) => commands::synth::run(&arguments),
         Command::Fit(arguments) => commands::fit::run(&arguments),
+        Command::Explain(arguments) => commands::explain::run(&arguments),
         Command::Export(arguments) => commands::export::run(&arguments),
         Command::Evaluate(command) => commands::evaluate::run(&command),
     };

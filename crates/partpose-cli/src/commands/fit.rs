@@ -60,14 +60,14 @@ pub(crate) struct Arguments {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum FitExtent {
+pub(super) enum FitExtent {
     File,
     Model,
     Free,
     Given(Extent),
 }
 
-fn parse_extent(text: &str) -> Result<FitExtent, String> {
+pub(super) fn parse_extent(text: &str) -> Result<FitExtent, String> {
     match text {
         "file" => return Ok(FitExtent::File),
         "model" => return Ok(FitExtent::Model),
@@ -89,6 +89,17 @@ fn parse_extent(text: &str) -> Result<FitExtent, String> {
         }
         _ => Err("`file`, `model`, `free` or width,height,length is meant, such as 1.8,1.5,4.4"
             .to_owned()),
+    }
+}
+
+impl FitExtent {
+    /// Where the size of a detection comes from that may have one of its own.
+    pub(super) fn source(self, own: Option<Extent>) -> ExtentSource {
+        match (self, own) {
+            (Self::Given(extent), _) | (Self::File, Some(extent)) => ExtentSource::Given(extent),
+            (Self::Free, _) => ExtentSource::Free(SizePrior::around(None)),
+            (Self::File | Self::Model, _) => ExtentSource::Model,
+        }
     }
 }
 
@@ -216,15 +227,8 @@ fn by_image(file: DetectionFile, min_score: f64) -> anyhow::Result<Vec<ImageDete
 fn fit_image(job: &Job, image: ImageDetections) -> anyhow::Result<Counts> {
     let arguments = job.arguments;
     let ImageDetections { name, stem, detections } = image;
-    let sizes: Vec<ExtentSource> = detections
-        .iter()
-        .map(|(_, own)| match (arguments.extent, own) {
-            (FitExtent::Given(extent), _) => ExtentSource::Given(extent),
-            (FitExtent::File, Some(extent)) => ExtentSource::Given(*extent),
-            (FitExtent::Free, _) => ExtentSource::Free(SizePrior::around(None)),
-            (FitExtent::File | FitExtent::Model, _) => ExtentSource::Model,
-        })
-        .collect();
+    let sizes: Vec<ExtentSource> =
+        detections.iter().map(|(_, own)| arguments.extent.source(*own)).collect();
     let given: Vec<SceneDetection> = detections
         .iter()
         .zip(sizes)
@@ -274,7 +278,7 @@ fn fit_image(job: &Job, image: ImageDetections) -> anyhow::Result<Counts> {
 }
 
 /// The image by its name below a folder; the file of detections must not lead out of it.
-fn read_image(folder: &Path, name: &str, camera: &Camera) -> anyhow::Result<RgbImage> {
+pub(super) fn read_image(folder: &Path, name: &str, camera: &Camera) -> anyhow::Result<RgbImage> {
     let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_)));
     if !inside {
         anyhow::bail!("the name `{name}` leads out of `{}`", folder.display());

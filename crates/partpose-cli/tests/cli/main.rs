@@ -6,6 +6,7 @@
 mod bad_input;
 mod dataset_check;
 mod evaluate_others;
+mod explain;
 mod label;
 mod poses;
 mod synth;

@@ -133,7 +133,7 @@ fn evaluate_frame(
         };
         fitted.retain(|fitted| vehicles.contains(&fitted.vehicle));
         let one = |fitted: Fitted| {
-            let outcome = outcome(frame, fitted, &oracle, stage);
+            let outcome = outcome(frame, fitted, &oracle, configuration);
             VehicleOutcome { detection: outcome.detection.filter(|_| keep), ..outcome }
         };
         fitted.into_iter().map(one).collect()
@@ -179,7 +179,7 @@ fn outcome(
     frame: &Frame,
     fitted: Fitted,
     oracle: &Oracle,
-    (configuration, estimator): (&Configuration, &PoseEstimator),
+    configuration: &Configuration,
 ) -> VehicleOutcome {
     let Fitted { vehicle, detection, estimate, seconds } = fitted;
     let label = &frame.vehicles[vehicle];
@@ -188,54 +188,6 @@ fn outcome(
         (Ok(estimate), Some(scored)) => sureness(estimate, &label.cuboid, scored.model_is_right),
         _ => None,
     };
-    if let (Ok(e), Ok(_)) = (&estimate, std::env::var("D2DUMP")) {
-        if let Some(d) = &e.dense {
-            let (a, b) = (e.cuboid(), label.cuboid);
-            let w = (b.camera_from_vehicle.rotation * a.camera_from_vehicle.rotation.inverse())
-                .scaled_axis();
-            let c = b.center() - a.center();
-            let mut v: Vec<f64> = vec![
-                w.x,
-                w.y,
-                w.z,
-                c.x,
-                c.y,
-                c.z,
-                scored.as_ref().unwrap().iou3d,
-                f64::from(u8::from(scored.as_ref().unwrap().model_is_right)),
-                b.extent.length,
-                f64::from(label.truncated),
-                f64::from(label.occluded),
-                detection.as_ref().map_or(0.0, |d| d.bounds.height()),
-            ];
-            let truth_model = estimator
-                .model_names()
-                .iter()
-                .position(|n| Some(n.as_str()) == label.model.as_deref())
-                .map_or(-1.0, |i| i as f64);
-            v.push(truth_model);
-            v.push(e.model_index as f64);
-            let second = d.second_mode.map_or([0.0; 3], |m| {
-                let s = crate::geometry::Cuboid {
-                    camera_from_vehicle: m.camera_from_vehicle,
-                    extent: m.extent,
-                };
-                [1.0, s.iou(&b), m.energy]
-            });
-            v.extend(second);
-            v.push(d.energy);
-            v.push(d.foreground);
-            v.push(e.candidates.len() as f64);
-            v.extend(e.candidates.iter().map(|c| c.outcome.as_ref().map_or(f64::NAN, |x| *x)));
-            v.extend(&d.model_probabilities);
-            v.push(d.second_mode.map_or(0.0, |m| m.probability));
-            v.extend(d.covariance.iter());
-            v.push(d.debug.len() as f64);
-            v.extend(&d.debug);
-            let line: Vec<String> = v.iter().map(|x| format!("{x:.6e}")).collect();
-            eprintln!("D2 {} {} {}", frame.name(), vehicle, line.join(" "));
-        }
-    }
     let scaling = configuration.pose.scaling;
     let pixel_accuracy = detection
         .as_ref()

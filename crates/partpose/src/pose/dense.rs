@@ -196,9 +196,9 @@ fn report(
     let unfitted = (size_is_unknown && !is_free)
         .then(|| SizeTerm::new(&SizePrior::around(None), &candidate.model.extent))
         .flatten();
-    let spread = uncertainty::covariance(work, &view, &best.scored, unfitted.as_ref());
-    let covariance = spread.covariance;
     let energy = best.scored.data / foreground;
+    let spread = uncertainty::covariance(work, &view, &best.scored, energy, unfitted.as_ref());
+    let covariance = spread.covariance;
     let model_probabilities = judgement::model_probabilities(found, candidates.len());
     let second_mode = judgement::second_mode(found, foreground);
     let state = &best.scored.state;
@@ -241,10 +241,5 @@ fn report(
         hypotheses: judgement::kept(found, foreground),
         flags: suspicion.flags(),
         pictures: work.pictures,
-        debug: {
-            let mut d = spread.debug.clone();
-            d.extend(evidence.features());
-            d
-        },
     }
 }

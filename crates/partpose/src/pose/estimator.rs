@@ -249,10 +249,6 @@ impl PoseEstimator {
         Self { options: *options, models: zoo.models.iter().map(entry).collect(), dense }
     }
 
-    #[doc(hidden)]
-    pub fn model_names(&self) -> Vec<String> {
-        self.models.iter().map(|m| m.name.clone()).collect()
-    }
     /// The options it was made with.
     pub fn options(&self) -> &PoseOptions {
         &self.options

@@ -21,6 +21,9 @@ const MISSING: f64 = 0.2;
 /// Agreement below which a part is displaced.
 const DISPLACED: f64 = 0.35;
 
+/// Turns about the vehicle's axes to the right and down, radians, under which a part must stay in sight.
+const TURNS: [[f64; 2]; 4] = [[0.0, 0.06], [0.0, -0.06], [0.03, 0.0], [-0.03, 0.0]];
+
 /// What becomes of one part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -94,6 +97,8 @@ struct Cells<'a> {
     camera: Camera,
     vehicle_from_camera: Pose,
     picture: LabelImage,
+    /// The labels at poses that are turned a little: what is seen at a grazing angle comes and goes.
+    turned: Vec<Vec<u8>>,
     /// How much of each cell is known.
     known: Vec<f64>,
     /// Square pixels of a cell.
@@ -106,15 +111,20 @@ impl<'a> Cells<'a> {
         let m = detection.probabilities.size();
         let s = SAMPLES.div_ceil(m).max(1);
         let close = camera.crop(&detection.bounds, [(m * s) as u32; 2]);
-        let instance = Instance {
-            mesh: placed.mesh,
-            scale: placed.scale,
-            camera_from_vehicle: placed.camera_from_vehicle,
-            id: 1,
-        };
         let mut renderer = LabelRenderer::default();
         let options = RenderOptions { cull_back_faces: placed.is_closed };
-        renderer.render(&close, &[instance], &options);
+        let mut draw = |turn: Vector3| {
+            let turn = nalgebra::UnitQuaternion::from_scaled_axis(turn);
+            let instance = Instance {
+                mesh: placed.mesh,
+                scale: placed.scale,
+                camera_from_vehicle: placed.camera_from_vehicle * turn,
+                id: 1,
+            };
+            renderer.render(&close, &[instance], &options).clone()
+        };
+        let turned = TURNS.map(|[x, y]| draw(Vector3::new(x, y, 0.0)).parts).into();
+        let picture = draw(Vector3::zeros());
         let bounds = &detection.bounds;
         let [width, height] = [bounds.width() / m as f64, bounds.height() / m as f64];
         let image = camera.image_rect();
@@ -132,7 +142,8 @@ impl<'a> Cells<'a> {
             s,
             camera: close,
             vehicle_from_camera: placed.camera_from_vehicle.inverse(),
-            picture: renderer.into_image(),
+            picture,
+            turned,
             known: (0..m * m).map(known).collect(),
             area: width * height,
             mask: detection.part_mask(camera.size, Scaling::Bilinear),
@@ -164,8 +175,16 @@ impl<'a> Cells<'a> {
         } else {
             0.0
         };
-        let verdict =
-            verdict([sum_drawn, sum_known, sum_seen].map(|sum| sum * reference), agreement);
+        let (least, most) = self.at_any_turn(part);
+        let known_share = if sum_drawn > 0.0 { sum_known / sum_drawn } else { 0.0 };
+        let sums = Sums {
+            drawn: sum_drawn,
+            least: least * known_share,
+            most,
+            known: sum_known,
+            seen: sum_seen,
+        };
+        let verdict = sums.times(reference).verdict(agreement);
         let squares: f64 = seen.iter().map(|q| q * q).sum();
         Some(PartState {
             part,
@@ -176,10 +195,20 @@ impl<'a> Cells<'a> {
             area: sum_seen * self.area,
             probability: if sum_seen > 0.0 { squares / sum_seen } else { 0.0 },
             area_of_model: sum_drawn * self.area,
-            known_share: if sum_drawn > 0.0 { sum_known / sum_drawn } else { 0.0 },
+            known_share,
             point_in_camera: drawn.middle,
             point_in_vehicle: drawn.middle.map(|point| self.vehicle_from_camera * point),
         })
+    }
+
+    /// The least and the most that is drawn of a part at the pose and slightly turned against it, cells.
+    fn at_any_turn(&self, part: PartClass) -> (f64, f64) {
+        let count = |labels: &Vec<u8>| labels.iter().filter(|label| **label == part.id()).count();
+        let counts = self.turned.iter().chain([&self.picture.parts]).map(count);
+        let (least, most) =
+            counts.fold((usize::MAX, 0), |(least, most), n| (least.min(n), most.max(n)));
+        let per_sample = 1.0 / (self.s * self.s) as f64;
+        (least as f64 * per_sample, most as f64 * per_sample)
     }
 
     fn drawn(&self, part: PartClass) -> Drawn {
@@ -262,18 +291,44 @@ struct Drawn {
     middle: Option<Point3>,
 }
 
-/// `sums`: cells of a 28 x 28 kernel that are drawn, drawn where something is known, and seen.
-fn verdict([drawn, known, seen]: [f64; 3], agreement: f64) -> PartVerdict {
-    if known < LEAST[1] && seen < LEAST[1] {
-        return if drawn >= LEAST[1] { PartVerdict::Hidden } else { PartVerdict::TooSmall };
+/// Cells of a 28 x 28 kernel that a part takes.
+#[derive(Clone, Copy, Debug)]
+struct Sums {
+    drawn: f64,
+    /// Drawn where something is known, at the turn that shows least of it.
+    least: f64,
+    /// Drawn at the turn that shows most of it.
+    most: f64,
+    known: f64,
+    seen: f64,
+}
+
+impl Sums {
+    fn times(self, factor: f64) -> Self {
+        Self {
+            drawn: self.drawn * factor,
+            least: self.least * factor,
+            most: self.most * factor,
+            known: self.known * factor,
+            seen: self.seen * factor,
+        }
     }
-    if seen < MISSING * known {
-        PartVerdict::Missing
-    } else if agreement >= DISPLACED {
-        PartVerdict::Agrees
-    } else if known < MISSING * seen {
-        PartVerdict::Unexpected
-    } else {
-        PartVerdict::Displaced
+
+    fn verdict(&self, agreement: f64) -> PartVerdict {
+        if self.known < LEAST[1] && self.seen < LEAST[1] {
+            let hidden = self.drawn >= LEAST[1];
+            return if hidden { PartVerdict::Hidden } else { PartVerdict::TooSmall };
+        }
+        if agreement >= DISPLACED {
+            PartVerdict::Agrees
+        } else if self.least.max(self.seen) < LEAST[1] {
+            PartVerdict::TooSmall
+        } else if self.seen < MISSING * self.least {
+            PartVerdict::Missing
+        } else if self.most < MISSING * self.seen {
+            PartVerdict::Unexpected
+        } else {
+            PartVerdict::Displaced
+        }
     }
 }

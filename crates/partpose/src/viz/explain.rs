@@ -63,7 +63,7 @@ pub fn explain(explanation: &Explanation) -> RgbImage {
     let pictures = [
         (close.mask(), "what the detector says: parts by colour"),
         (close.fit(), "the model where it was found, mask outlined"),
-        (close.residual(), "residual: dark agrees, yellow contradicts, blue unknown"),
+        (close.residual(), "residual: yellow contradicts, blue is unknown"),
         (above::picture(explanation, PANEL), above::caption(estimate)),
     ];
     for (i, (picture, caption)) in pictures.iter().enumerate() {

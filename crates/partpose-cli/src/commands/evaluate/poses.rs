@@ -1,6 +1,7 @@
 //! `partpose evaluate poses`: the paper's Tables III to V, or one configuration.
 
 mod bias;
+mod compare;
 mod frames;
 mod output;
 mod pictures;
@@ -27,7 +28,7 @@ use crate::pose_flags::PoseFlags;
 use crate::progress;
 use crate::report::{Outcome, hint, note, warn, warn_error};
 
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone)]
 pub(crate) struct Arguments {
     /// Folder of the data set; its layout is recognised
     #[arg(long, value_name = "DIR")]
@@ -72,6 +73,12 @@ pub(crate) struct Arguments {
     /// the paper's solver, unless another one of centres is asked for
     #[arg(long, conflicts_with_all = ["kernel", "scaling", "refine", "points_2d", "points_3d", "filters"])]
     tables: bool,
+    /// The dense fit beside the paper's method and the best setting of points: every row of the tables, by distance,
+    /// occlusion, truncation, mask accuracy, where sizes come from, and time, as tables and plots
+    #[arg(long, conflicts_with_all = ["tables", "degrade", "extent", "kernel", "scaling", "refine", "points_2d", "points_3d", "filters", "fit"])]
+    compare: bool,
+    #[arg(skip)]
+    comparison: Option<compare::Rows>,
     /// Draw this many frames, evenly spread, under the last configuration
     #[arg(long, value_name = "N", default_value_t = 0)]
     pictures: usize,
@@ -82,7 +89,7 @@ pub(crate) struct Arguments {
     out: PathBuf,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum BoxFlag {
     /// The annotated box, the projection of the cuboid
     Annotated,
@@ -90,7 +97,7 @@ enum BoxFlag {
     Tight,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ExtentFlag {
     /// Models scaled per axis to the true size, as in the paper
     Truth,
@@ -139,6 +146,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         .iter()
         .map(|fold| ModelZoo::load(&frames::zoo_path(arguments, *fold)))
         .collect::<Result<_, _>>()?;
+    if arguments.compare {
+        return compare::run(arguments, &dataset, &folds, &zoos);
+    }
     let evaluated = evaluate(arguments, &dataset, &folds, &zoos)?;
     if evaluated.rows[0].is_empty() {
         return Err(hint(

@@ -13,7 +13,7 @@ use super::models::{Hypothesis, NEIGHBOURS};
 use super::state::State;
 
 /// How much more energy, as a share of the best and in cells besides, makes a hypothesis e times less likely.
-const TEMPER: [f64; 2] = [0.04, 1e-3];
+const TEMPER: [f64; 2] = [0.05, 1e-3];
 /// Relative difference of distances from which two poses are two.
 const FARTHER: f64 = 0.1;
 /// Cells below which a fit is flagged.
@@ -145,23 +145,27 @@ pub struct DenseReport {
     pub flags: Vec<DenseFlag>,
     /// Pictures that were drawn to find it.
     pub pictures: usize,
-    #[doc(hidden)]
-    pub debug: Vec<f64>,
 }
 
 /// Hypotheses that a report keeps.
 const KEPT: usize = 6;
 
-/// The best hypotheses, for those who want to see what was weighed.
+/// The best hypotheses that differ, for those who want to see what was weighed.
 pub(super) fn kept(hypotheses: &[Hypothesis], foreground: f64) -> Vec<DenseHypothesis> {
-    let keep = |h: &Hypothesis| DenseHypothesis {
+    let mut kept: Vec<&Hypothesis> = Vec::new();
+    for hypothesis in hypotheses {
+        if kept.len() < KEPT && !kept.iter().any(|other| hypothesis.repeats(other)) {
+            kept.push(hypothesis);
+        }
+    }
+    let keep = |h: &&Hypothesis| DenseHypothesis {
         model_index: h.model,
         camera_from_vehicle: h.scored.state.pose(),
         extent: h.scored.state.extent(),
         energy: h.scored.data / foreground,
         level: h.level,
     };
-    hypotheses.iter().take(KEPT).map(keep).collect()
+    kept.iter().map(keep).collect()
 }
 
 /// The probability of each model: by its best energy against the best at the finest level that it reached.
@@ -183,19 +187,21 @@ fn relative(hypotheses: &[Hypothesis], own: &Hypothesis) -> f64 {
     ((best - own.scored.energy) / (TEMPER[0] * best + TEMPER[1])).min(0.0)
 }
 
-/// The likeliest hypothesis that is turned by more than 30 degrees against the best, or a tenth of its distance away.
+/// The likeliest hypothesis that is turned by more than 30 degrees against the best, or a tenth of its distance away,
+/// and did not become another on the way to finer levels.
 pub(super) fn second_mode(hypotheses: &[Hypothesis], foreground: f64) -> Option<SecondMode> {
     let first = hypotheses.first()?;
     let own = &first.scored.state;
     let second = hypotheses
         .iter()
+        .filter(|h| !is_near(own, &h.scored.state))
         .filter(|h| {
-            let other = &h.scored.state;
-            own.rotation.angle_to(&other.rotation) > NEIGHBOURS
-                || (own.center - other.center).norm() > FARTHER * own.center.norm()
+            // What went on to a finer level is judged there.
+            let mut finer = hypotheses.iter().filter(|other| other.level > h.level);
+            !finer.any(|other| is_near(&h.scored.state, &other.scored.state))
         })
-        .max_by(|a, b| relative(hypotheses, a).total_cmp(&relative(hypotheses, b)))?;
-    let odds = relative(hypotheses, second).exp();
+        .max_by(|a, b| against(hypotheses, own, a).total_cmp(&against(hypotheses, own, b)))?;
+    let odds = against(hypotheses, own, second).exp();
     let state: &State = &second.scored.state;
     Some(SecondMode {
         kind: kind(own, state),
@@ -205,6 +211,24 @@ pub(super) fn second_mode(hypotheses: &[Hypothesis], foreground: f64) -> Option<
         energy: second.scored.data / foreground,
         probability: odds / (1.0 + odds),
     })
+}
+
+/// Whether two poses are one mode.
+fn is_near(a: &State, b: &State) -> bool {
+    a.rotation.angle_to(&b.rotation) <= NEIGHBOURS
+        && (a.center - b.center).norm() <= FARTHER * a.center.norm()
+}
+
+/// The logarithm of a hypothesis' odds against what became the best, at the level where it was given up; never more
+/// than 0.
+fn against(hypotheses: &[Hypothesis], best: &State, own: &Hypothesis) -> f64 {
+    let of_level = hypotheses.iter().filter(|h| h.level == own.level);
+    let line = of_level.filter(|h| is_near(best, &h.scored.state)).map(|h| h.scored.energy);
+    let best = line.fold(f64::INFINITY, f64::min);
+    if !best.is_finite() {
+        return relative(hypotheses, own);
+    }
+    ((best - own.scored.energy) / (TEMPER[0] * best + TEMPER[1])).min(0.0)
 }
 
 /// What is exchanged between two poses of a vehicle.
@@ -267,7 +291,7 @@ impl Evidence {
 }
 
 /// Weights of [`Evidence::features`].
-const WEIGHTS: [f64; Evidence::COUNT] = [0.0; Evidence::COUNT];
+const WEIGHTS: [f64; Evidence::COUNT] = [-1.37, 1.33, 0.11, -0.24, 0.67, 0.47, -1.91, -0.74];
 
 /// The probability that the fit is good: logistic in its evidence.
 pub(super) fn confidence(evidence: &Evidence) -> f64 {

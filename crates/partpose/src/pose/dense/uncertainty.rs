@@ -21,21 +21,26 @@ use super::state::{PARAMETERS, State};
 
 /// Cells of a 28-cell kernel over which errors of masks are correlated.
 const CORRELATION: f64 = 4.0;
-/// Factor on the sandwich, found on world 0001 (`docs/dense-fit.md`).
-const INFLATION: f64 = 15.0;
+/// Factor on the sandwich, `A + B (energy / 0.1)^C`: what masks err in that fit badly is correlated farther. This and all
+/// that follows was found on world 0001, with exact masks and masks of which 90, 85 and 80 % are right
+/// (`docs/dense-fit.md`).
+const INFLATION: [f64; 3] = [2.6, 21.5, 1.5];
 /// Noise of a cell that is there however well the model fits, as a share of [`NOISE`]: what no edge tells is unsure, not
 /// sure for want of residuals.
 const LEAST_NOISE: f64 = 1e-3;
 /// Standard deviations that no mask takes away: turn (radians), sideways and up as a share of the distance, distance
-/// (logarithm). Found on world 0001 like [`INFLATION`].
-const FLOOR: [f64; 3] = [0.005, 0.0005, 0.003];
+/// (logarithm).
+const FLOOR: [f64; 3] = [0.0005, 0.0004, 0.005];
 /// Variance of a reference cell's term where priors are weighed against it.
 pub(super) const NOISE: f64 = 0.05;
 /// How far each side of an outline lies off where the model has it, pixels: where that was measured on other masks,
 /// and where it was not.
-const OUTLINE: [f64; 2] = [0.4, 1.0];
-/// The same as a share of the box's side, since a model's shape errs in proportion.
-const OUTLINE_SHARE: f64 = 0.006;
+const OUTLINE: [f64; 2] = [0.1, 0.4];
+/// The same as a share of the box's side at an energy of 0.1, and in proportion to it: cells are shares of the box.
+const OUTLINE_SHARE: f64 = 0.0055;
+/// How much more unsure everything is than the rest says: gross errors, such as wrong models, grow with the third power
+/// of the energy over 0.1, up to twice that.
+const GROSS: [f64; 2] = [2.0, 2.0];
 
 type Matrix9 = SMatrix<f64, PARAMETERS, PARAMETERS>;
 type Vector9 = SVector<f64, PARAMETERS>;
@@ -47,24 +52,25 @@ pub(super) struct Spread {
     pub(super) covariance: Matrix9,
     /// Variance of the distance without what an unfitted size adds, square metres.
     pub(super) depth_variance_if_size_known: f64,
-    pub(super) debug: Vec<f64>,
 }
 
-/// The covariance of what was fitted.
+/// The covariance of what was fitted, at so much energy per foreground cell.
 ///
 /// `unfitted` is the spread of a size that is neither given nor fitted.
 pub(super) fn covariance(
     work: &mut Workspace,
     view: &View,
     end: &Scored,
+    energy: f64,
     unfitted: Option<&SizeTerm>,
 ) -> Spread {
     let state = &end.state;
     work.score(view, state);
     let equations = work.equations(view, state);
     let count = view.terms.count();
-    let correlated_raw = correlated_gradients(work, view);
-    let mut spread = correlated_raw * INFLATION;
+    let poor = (energy / 0.1).clamp(0.0, 10.0);
+    let inflation = INFLATION[0] + INFLATION[1] * poor.powf(INFLATION[2]);
+    let mut spread = correlated_gradients(work, view) * inflation;
     let mut priors = NormalEquations { hessian: Matrix9::zeros(), gradient: Vector9::zeros() };
     view.terms.add(state, &mut priors);
     // `terms.add` scales by the noise once; a prior's own spread is its information, times the noise squared.
@@ -83,9 +89,10 @@ pub(super) fn covariance(
     else {
         return unbounded();
     };
-    let spread = cells + outline_spread(work, view, state, &equations);
-    let metric = |spread: Matrix9| {
-        let mut increments = inverse * spread * inverse;
+    let spread = cells + outline_spread(work, view, state, &equations, OUTLINE_SHARE * poor);
+    let doubt = 1.0 + GROSS[0] * poor.min(GROSS[1]).powi(3);
+    let metric = |more: Matrix9| {
+        let mut increments = inverse * spread * inverse * doubt + inverse * more * inverse;
         let z = state.center.z;
         for i in 0..3 {
             increments[(i, i)] += FLOOR[0].powi(2);
@@ -101,41 +108,18 @@ pub(super) fn covariance(
         }
         0.5 * (covariance + covariance.transpose())
     };
-    let known = metric(spread);
-    let covariance =
-        unfitted.map_or(known, |size| metric(spread + size_spread(work, view, state, size)));
+    let known = metric(Matrix9::zeros());
+    let covariance = unfitted.map_or(known, |size| metric(size_spread(work, view, state, size)));
     if !covariance.iter().all(|value| value.is_finite()) {
         return unbounded();
     }
-    let mut debug = Vec::new(); // DEBUG
-    {
-        let raw = |m: Matrix9| {
-            let i = inverse * m * inverse;
-            let mut t = Matrix9::identity();
-            t.fixed_view_mut::<3, 1>(3, 5).copy_from(&state.center);
-            let c = t * i * t.transpose();
-            c.fixed_view::<6, 6>(0, 0).into_owned()
-        };
-        let noise = without_negative(correlated_raw).unwrap_or_default();
-        let rest = priors.hessian * view.terms.noise + hessian * (LEAST_NOISE * view.terms.noise);
-        for m in [
-            raw(noise),
-            raw(rest),
-            raw(outline_spread_with(work, view, state, &equations, 1.0, 0.0)),
-            raw(outline_spread_with(work, view, state, &equations, 0.0, 0.01)),
-            raw(unfitted.map_or(Matrix9::zeros(), |size| size_spread(work, view, state, size))),
-        ] {
-            debug.extend(m.iter().copied());
-        }
-        debug.extend(state.center.iter());
-    }
-    Spread { covariance, depth_variance_if_size_known: known[(5, 5)], debug }
+    Spread { covariance, depth_variance_if_size_known: known[(5, 5)] }
 }
 
 /// What is said where nothing is known.
 fn unbounded() -> Spread {
     let covariance = Matrix9::from_diagonal_element(f64::INFINITY);
-    Spread { covariance, depth_variance_if_size_known: f64::INFINITY, debug: Vec::new() }
+    Spread { covariance, depth_variance_if_size_known: f64::INFINITY }
 }
 
 /// The matrix with negative eigenvalues set to 0: correlations that end at some distance may leave some.
@@ -151,38 +135,6 @@ fn outline_spread(
     view: &View,
     state: &State,
     here: &NormalEquations,
-) -> Matrix9 {
-    let known = usize::from(view.grid.bias.is_none());
-    let bounds = &view.target.bounds;
-    let mut spread = Matrix9::zeros();
-    for side in 0..4 {
-        let (length, per_pixel) = if side % 2 == 0 {
-            (bounds.width(), view.grid.per_pixel[0])
-        } else {
-            (bounds.height(), view.grid.per_pixel[1])
-        };
-        // A step that moves the outline over about a sample: less changes nothing.
-        let step = (1.0 / per_pixel).max(0.75);
-        let mut bias = view.grid.bias.unwrap_or_default();
-        bias.offset[side] += step;
-        let grid = SampleGrid { bias: Some(bias), ..*view.grid };
-        let moved = View { grid: &grid, ..*view };
-        work.score(&moved, state);
-        let there = work.equations(&moved, state);
-        let slope = (there.gradient - here.gradient) / step;
-        let deviation = OUTLINE[known].hypot(OUTLINE_SHARE * length);
-        spread += slope * slope.transpose() * deviation.powi(2);
-    }
-    spread
-}
-
-/// The spread of the gradient that comes of outlines which lie off, side by side.
-fn outline_spread_with(
-    work: &mut Workspace,
-    view: &View,
-    state: &State,
-    here: &NormalEquations,
-    px: f64,
     share: f64,
 ) -> Matrix9 {
     let known = usize::from(view.grid.bias.is_none());
@@ -203,8 +155,7 @@ fn outline_spread_with(
         work.score(&moved, state);
         let there = work.equations(&moved, state);
         let slope = (there.gradient - here.gradient) / step;
-        let deviation = px.hypot(share * length);
-        let _ = known;
+        let deviation = OUTLINE[known].hypot(share * length);
         spread += slope * slope.transpose() * deviation.powi(2);
     }
     spread

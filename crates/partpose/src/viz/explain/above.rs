@@ -9,6 +9,7 @@ use crate::viz::canvas::{Canvas, Pen, TextStyle};
 use crate::viz::scene::palette;
 
 use super::Explanation;
+use super::words::NEGLIGIBLE;
 
 /// Squared radius of the ellipse in two dimensions that holds 95 % (chi-square).
 const RADIUS: f64 = 5.991;
@@ -22,7 +23,7 @@ const SPAN: [f64; 2] = [9.0, 60.0];
 pub(super) fn caption(estimate: Option<&PoseEstimate>) -> &'static str {
     match estimate {
         Some(estimate) if estimate.dense.is_some() => {
-            "from above: estimate, 95 % ellipse, orange the second mode"
+            "from above: white found, blue 95 %, orange second"
         }
         Some(_) => "from above: the estimate",
         None => "no pose",
@@ -76,7 +77,8 @@ pub(super) fn picture(explanation: &Explanation, size: [i32; 2]) -> RgbImage {
     canvas.line(&map.at(0.0, 0.0), &map.at(center.x, center.z), pen([70, 76, 88], 1.0));
     canvas.fill(&map.footprint(&cuboid), palette::with_opacity(palette::PREDICTED, 90));
     heading(&mut canvas, &map, &cuboid, pen(palette::PREDICTED, 1.4));
-    if let Some(second) = estimate.dense.as_ref().and_then(|report| report.second_mode) {
+    let second = estimate.dense.as_ref().and_then(|report| report.second_mode);
+    if let Some(second) = second.filter(|second| second.probability >= NEGLIGIBLE) {
         let extent = second.extent;
         let other = Cuboid { camera_from_vehicle: second.camera_from_vehicle, extent };
         canvas.outline(&map.footprint(&other), pen(SECOND, 1.2));

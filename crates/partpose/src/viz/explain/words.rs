@@ -12,6 +12,8 @@ use super::{Explanation, GAP};
 const LINE: i32 = 14;
 /// Characters a column holds.
 const CHARACTERS: usize = 64;
+/// Probability below which a second mode is not worth a line.
+pub(super) const NEGLIGIBLE: f64 = 0.005;
 /// Left ends of the columns.
 const LEFT: [i32; 3] = [GAP, GAP + 412, GAP + 824];
 /// Pixels of a bar that stands for 1.
@@ -133,7 +135,7 @@ fn sure(
     for (probability, name) in likely.iter().take(6) {
         models.push(Line::bar(*probability, format!("{probability:.2} {name}")));
     }
-    if let Some(second) = &report.second_mode {
+    if let Some(second) = report.second_mode.filter(|second| second.probability >= NEGLIGIBLE) {
         models.push(Line::head("second mode"));
         let turn = second
             .camera_from_vehicle

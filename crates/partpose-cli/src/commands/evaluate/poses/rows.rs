@@ -6,7 +6,7 @@ use partpose::oracle::Degradation;
 use partpose::parts::Scaling;
 use partpose::pose::{Center2d, Center3d, PnpMethod, PoseOptions};
 
-use super::Arguments;
+use super::{Arguments, compare};
 use crate::report::{hint, warn};
 
 /// Frames that the strength of degradation is found on.
@@ -16,6 +16,9 @@ const ACCURACY_TOLERANCE: f64 = 0.005;
 
 /// One row as asked, or those of Tables III to V and what goes past them.
 pub(super) fn configurations(arguments: &Arguments) -> Vec<Configuration> {
+    if let Some(rows) = arguments.comparison {
+        return compare::configurations(rows, arguments.pose.seed);
+    }
     let mut base = arguments.pose.options();
     if arguments.tables && base.method == PnpMethod::Dense {
         // The tables are of centres of parts.

@@ -7,7 +7,7 @@ use partpose::pose::ground::GroundOptions;
 use crate::report::{hint, note};
 use crate::scene_flags::{HEIGHT_SIGMA, height};
 
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone)]
 pub(super) struct Flags {
     /// Estimate the road from the frame's own fits and put the vehicles on it (dense fit only): with `--extent free` it
     /// says how large they are
