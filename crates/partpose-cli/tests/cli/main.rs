@@ -9,6 +9,7 @@ mod dataset_check;
 mod evaluate_detections;
 mod evaluate_others;
 mod guide;
+mod explain;
 mod label;
 mod poses;
 mod report;

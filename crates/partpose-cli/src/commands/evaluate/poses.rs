@@ -28,7 +28,7 @@ use partpose::vehicle::ModelZoo;
 
 use super::selection::{self, Needs, Selection};
 use super::source::{Source, SourceFlags};
-use crate::commands::{mask_bias, provenance};
+use crate::commands::provenance;
 use crate::pose_flags::PoseFlags;
 use crate::progress;
 use crate::report::{Outcome, hint, note, warn};
@@ -220,14 +220,7 @@ fn evaluate(
                 dealt.is_none()
                     || (frame.vehicles[vehicle].track.is_some() && !include(frame, vehicle))
             };
-            let bias = if arguments.mask_bias == ["zoo"] {
-                let zoo = frames::zoo_path(arguments, *fold);
-                let zoo =
-                    zoo.context("the embedded zoo has no mask bias: give a carved `--zoo`")?;
-                mask_bias::read(&zoo.join(mask_bias::NAME))?
-            } else {
-                bias::measure(arguments, dataset, zoo, *fold, &others)?
-            };
+            let bias = bias::of(arguments, dataset, zoo, *fold, &others)?;
             for configuration in &mut configurations {
                 configuration.pose.dense.mask_bias = Some(bias);
             }

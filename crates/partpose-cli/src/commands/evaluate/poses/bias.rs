@@ -1,20 +1,37 @@
 //! How far masks lie off the models' outlines, for the dense fit.
 
+use anyhow::Context;
 use partpose::dataset::folds::Fold;
 use partpose::dataset::{Dataset, Frame};
 use partpose::eval::measure_mask_bias;
 use partpose::pose::dense::MaskBias;
 use partpose::vehicle::ModelZoo;
 
-use super::{Arguments, Needs, selection};
+use super::{Arguments, Needs, frames, selection};
 use crate::commands::mask_bias;
 use crate::report::{hint, warn};
 
 /// Every how many frames a mask is measured: neighbours say the same.
 const STRIDE: u32 = 3;
 
-/// Measures on the worlds asked for, and writes what `fit --mask-bias` reads.
-pub(super) fn measure(
+/// What the zoo was carved with, or what is measured on the worlds asked for.
+pub(super) fn of(
+    arguments: &Arguments,
+    dataset: &Dataset,
+    zoo: &ModelZoo,
+    fold: Option<Fold>,
+    include: &(dyn Fn(&Frame, usize) -> bool + Sync),
+) -> anyhow::Result<MaskBias> {
+    if arguments.mask_bias == ["zoo"] {
+        let zoo = frames::zoo_path(arguments, fold)
+            .context("the embedded zoo has no mask bias: give a carved `--zoo`")?;
+        return mask_bias::read(&zoo.join(mask_bias::NAME));
+    }
+    measure(arguments, dataset, zoo, fold, include)
+}
+
+/// Measures, and writes what `fit --mask-bias` reads.
+fn measure(
     arguments: &Arguments,
     dataset: &Dataset,
     zoo: &ModelZoo,

@@ -60,23 +60,19 @@ pub(super) fn measure(
     configuration: &Configuration,
 ) -> anyhow::Result<()> {
     let Some(mut protocol) = options.scene else { return Ok(()) };
-    let Some(ground) = protocol.ground.as_mut().filter(|g| g.camera_height.is_none()) else {
+    let Some(ground) = protocol.ground.filter(|ground| ground.camera_height.is_none()) else {
         return Ok(());
     };
     let few: Vec<Frame> = frames.iter().step_by(STRIDE).cloned().collect();
-    let height = measure_camera_height(&few, options, configuration, &protocol_of(options))
-        .ok_or_else(|| {
+    let height =
+        measure_camera_height(&few, options, configuration, &protocol).ok_or_else(|| {
             hint(
                 anyhow::anyhow!("no frame shows where the road is"),
                 "give the height of the camera with `--camera-height`",
             )
         })?;
     note(format_args!("the camera stands {height:.3} m above the road, by the vehicles' sizes"));
-    ground.camera_height = Some([height, ESTIMATED]);
+    protocol.ground = Some(GroundOptions { camera_height: Some([height, ESTIMATED]), ..ground });
     options.scene = Some(protocol);
     Ok(())
-}
-
-fn protocol_of(options: &EvaluationOptions) -> SceneProtocol {
-    options.scene.unwrap_or_default()
 }
