@@ -74,7 +74,7 @@ pub(super) fn covariance(
     let mut priors = NormalEquations { hessian: Matrix9::zeros(), gradient: Vector9::zeros() };
     view.terms.add(state, &mut priors);
     // `terms.add` scales by the noise once; a prior's own spread is its information, times the noise squared.
-    spread += priors.hessian * view.terms.noise;
+    let of_priors = priors.hessian * view.terms.noise;
     let mut hessian = equations.hessian;
     let largest = hessian.diagonal().max().max(1e-12);
     for i in 0..PARAMETERS {
@@ -92,7 +92,7 @@ pub(super) fn covariance(
     let spread = cells + outline_spread(work, view, state, &equations, OUTLINE_SHARE * poor);
     let doubt = 1.0 + GROSS[0] * poor.min(GROSS[1]).powi(3);
     let metric = |more: Matrix9| {
-        let mut increments = inverse * spread * inverse * doubt + inverse * more * inverse;
+        let mut increments = inverse * (spread * doubt + of_priors + more) * inverse;
         let z = state.center.z;
         for i in 0..3 {
             increments[(i, i)] += FLOOR[0].powi(2);
