@@ -1,5 +1,7 @@
 //! What a mask shows of each part against the model: intact vehicles, and such with a part removed, opened or painted.
 
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail loudly too")]
+
 use partpose::dataset::{Frame, SequenceId, VehicleLabel};
 use partpose::detection::Detection;
 use partpose::geometry::{Camera, Cuboid, EulerAngles, Pose, Vector3};

@@ -212,7 +212,11 @@ fn report(
         depth: covariance[(5, 5)].sqrt() / (2.0 * state.half.z),
         turn: covariance[(1, 1)].sqrt(),
     };
-    let cut_by_image = judgement::is_cut(&asked.detection.bounds, asked.camera);
+    let cut = if judgement::is_cut(&asked.detection.bounds, asked.camera) {
+        Some(DenseFlag::CutByImage)
+    } else {
+        (!asked.outline.is_whole()).then_some(DenseFlag::HiddenByVehicle)
+    };
     let suspicion = Suspicion {
         evidence,
         converged: best.converged,
@@ -220,8 +224,7 @@ fn report(
         size_deviation: candidate.terms.size_deviation(state),
         ground_deviation: candidate.terms.ground_deviation(state),
         hidden: asked.hidden,
-        cut_by_image,
-        hidden_by_vehicle: !asked.outline.is_whole() && !cut_by_image,
+        cut,
         size_is_unknown,
     };
     DenseReport {

@@ -313,8 +313,8 @@ pub(super) struct Suspicion {
     pub(super) ground_deviation: f64,
     /// Share of the vehicle behind something unlabelled.
     pub(super) hidden: f64,
-    pub(super) cut_by_image: bool,
-    pub(super) hidden_by_vehicle: bool,
+    /// What cuts the outline, if anything does.
+    pub(super) cut: Option<DenseFlag>,
     pub(super) size_is_unknown: bool,
 }
 
@@ -331,11 +331,10 @@ impl Suspicion {
             (self.size_deviation > 3.0, DenseFlag::SizeAtPriorLimit),
             (self.ground_deviation > 4.0, DenseFlag::OffGround),
             (self.hidden > 0.0, DenseFlag::HiddenByUnlabelled),
-            (self.cut_by_image, DenseFlag::CutByImage),
-            (self.hidden_by_vehicle, DenseFlag::HiddenByVehicle),
             (self.size_is_unknown, DenseFlag::SizeUnknown),
         ];
-        raised.into_iter().filter(|(raised, _)| *raised).map(|(_, flag)| flag).collect()
+        let raised = raised.into_iter().filter(|(raised, _)| *raised).map(|(_, flag)| flag);
+        raised.chain(self.cut).collect()
     }
 }
 

@@ -42,6 +42,9 @@ const OUTLINE_SHARE: f64 = 0.0055;
 /// of the energy over 0.1, up to twice that.
 const GROSS: [f64; 2] = [2.0, 2.0];
 
+/// Factor on all where the size is fitted, too: a model that is stretched has no true shape any more.
+const STRETCHED: f64 = 1.6;
+
 type Matrix9 = SMatrix<f64, PARAMETERS, PARAMETERS>;
 type Vector9 = SVector<f64, PARAMETERS>;
 
@@ -74,7 +77,7 @@ pub(super) fn covariance(
     let mut priors = NormalEquations { hessian: Matrix9::zeros(), gradient: Vector9::zeros() };
     view.terms.add(state, &mut priors);
     // `terms.add` scales by the noise once; a prior's own spread is its information, times the noise squared.
-    spread += priors.hessian * view.terms.noise;
+    let of_priors = priors.hessian * view.terms.noise;
     let mut hessian = equations.hessian;
     let largest = hessian.diagonal().max().max(1e-12);
     for i in 0..PARAMETERS {
@@ -91,8 +94,9 @@ pub(super) fn covariance(
     };
     let spread = cells + outline_spread(work, view, state, &equations, OUTLINE_SHARE * poor);
     let doubt = 1.0 + GROSS[0] * poor.min(GROSS[1]).powi(3);
+    let shape = if view.terms.size.is_some() { STRETCHED } else { 1.0 };
     let metric = |more: Matrix9| {
-        let mut increments = inverse * spread * inverse * doubt + inverse * more * inverse;
+        let mut increments = inverse * (spread * doubt + of_priors + more) * inverse * shape;
         let z = state.center.z;
         for i in 0..3 {
             increments[(i, i)] += FLOOR[0].powi(2);

@@ -58,15 +58,14 @@ pub(super) fn columns(explanation: &Explanation) -> [Vec<Line>; 3] {
     let mut found = vec![Line::head("what was found")];
     place(&mut found, explanation, estimate);
     let mut models = Vec::new();
-    match &estimate.dense {
-        Some(report) => sure(&mut found, &mut models, estimate, report),
-        None => {
-            models.push(Line::head("models, error in pixels"));
-            for candidate in &estimate.candidates {
-                let error = candidate.outcome.as_ref();
-                let said = error.map_or_else(ToString::to_string, |error| format!("{error:.2}"));
-                wrap(&mut models, &format!("{} {said}", candidate.model));
-            }
+    if let Some(report) = &estimate.dense {
+        sure(&mut found, &mut models, estimate, report);
+    } else {
+        models.push(Line::head("models, error in pixels"));
+        for candidate in &estimate.candidates {
+            let error = candidate.outcome.as_ref();
+            let said = error.map_or_else(ToString::to_string, |error| format!("{error:.2}"));
+            wrap(&mut models, &format!("{} {said}", candidate.model));
         }
     }
     [found, models, against]

@@ -272,12 +272,32 @@ fn plots(runs: &[Run]) -> partpose::files::RgbImage {
             .collect()
     });
     let full = &runs[0].evaluated;
+    let logarithmic = Axis { logarithmic: true, ..Axis::new("milliseconds a vehicle, median") };
+    panels(
+        &[
+            drawn("By distance", Axis::new("metres"), distance),
+            drawn("By mask accuracy", Axis::over("pixels right", [0.78, 1.0]), accuracy),
+            drawn("By kernel size", Axis::over("cells a side", [10.0, 60.0]), kernel_series(full)),
+            drawn(
+                "1, 2: not occluded, occluded; 3, 4: not truncated, truncated",
+                Axis::over("", [0.5, 4.5]),
+                conditions,
+            ),
+            drawn("Sizes 1: given, 2: of the models, 3: free", Axis::over("", [0.5, 3.5]), extents),
+            drawn("Time beside accuracy, every row of the tables", logarithmic, time_series(full)),
+        ],
+        3,
+    )
+}
+
+/// Time beside accuracy, a dot a configuration.
+fn time_series(full: &Evaluated) -> Vec<Series> {
     let group = |name: &str| match name {
         _ if name.starts_with("dense") => 2,
         "points, best" => 1,
         _ => 0,
     };
-    let time = METHODS.iter().enumerate().map(|(i, method)| {
+    let methods = METHODS.iter().enumerate().map(|(i, method)| {
         let points =
             full.configurations.iter().zip(&full.rows).filter(|(c, _)| group(&c.name) == i);
         let points = points.map(|(_, rows)| {
@@ -288,6 +308,11 @@ fn plots(runs: &[Run]) -> partpose::files::RgbImage {
         });
         Series::new(method, Mark::Dots, points.collect())
     });
+    methods.collect()
+}
+
+/// Accuracy by kernel size.
+fn kernel_series(full: &Evaluated) -> Vec<Series> {
     let kernel = |method: usize| -> Vec<[f64; 2]> {
         let prefix = ["III: ", "", "dense: "][method];
         full.configurations
@@ -301,24 +326,8 @@ fn plots(runs: &[Run]) -> partpose::files::RgbImage {
             })
             .collect()
     };
-    let kernels = vec![
+    vec![
         Series::new("paper, Table III", Mark::Line, kernel(0)),
         Series { color: Some([0, 158, 115]), ..Series::new("dense", Mark::Line, kernel(2)) },
-    ];
-    let logarithmic = Axis { logarithmic: true, ..Axis::new("milliseconds a vehicle, median") };
-    panels(
-        &[
-            drawn("By distance", Axis::new("metres"), distance),
-            drawn("By mask accuracy", Axis::over("pixels right", [0.78, 1.0]), accuracy),
-            drawn("By kernel size", Axis::over("cells a side", [10.0, 60.0]), kernels),
-            drawn(
-                "1, 2: not occluded, occluded; 3, 4: not truncated, truncated",
-                Axis::over("", [0.5, 4.5]),
-                conditions,
-            ),
-            drawn("Sizes 1: given, 2: of the models, 3: free", Axis::over("", [0.5, 3.5]), extents),
-            drawn("Time beside accuracy, every row of the tables", logarithmic, time.collect()),
-        ],
-        3,
-    )
+    ]
 }
