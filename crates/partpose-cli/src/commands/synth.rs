@@ -19,7 +19,7 @@ pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
     #[command(flatten)]
-    make: make::Arguments,
+    make: make::MakeArguments,
 }
 
 #[derive(clap::Subcommand)]

@@ -392,8 +392,10 @@ impl<'a> Spot<'a> {
         let puddle = ((hollow - 0.62 + 0.22 * wetness) * 9.0).clamp(0.0, 1.0);
         local.color *= 1.0 - 0.55 * wetness;
         local.roughness = local.roughness * (1.0 - 0.6 * wetness) + 0.02;
-        // Grass holds its water under the blades.
-        let share = if self.material.texture == Texture::Grass { 0.08 } else { 1.0 };
+        // Grass holds its water under the blades, soil and fields drink it.
+        let is_paved = self.seen.object.class == SegmentClass::Road
+            || matches!(self.material.texture, Texture::Slabs { .. });
+        let share = if is_paved { 1.0 } else { 0.08 };
         (share * wetness * (0.25 + 0.75 * puddle)).clamp(0.0, 1.0)
     }
 }

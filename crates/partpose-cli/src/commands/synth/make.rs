@@ -28,7 +28,7 @@ Examples:
     partpose synth statistics like --against vkitti";
 
 #[derive(clap::Args)]
-pub(super) struct Arguments {
+pub(super) struct MakeArguments {
     /// Folder for the data set, new or empty
     #[arg(long, value_name = "DIR", required = true)]
     out: Option<PathBuf>,
@@ -105,7 +105,7 @@ struct CameraArguments {
     camera_fixed: bool,
 }
 
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+pub(super) fn run(arguments: &MakeArguments) -> anyhow::Result<Outcome> {
     // Whoever asks for no other command has to name it.
     let out = arguments.out.as_deref().unwrap_or(Path::new(""));
     let options = options(arguments)?;
@@ -128,7 +128,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn zoo(arguments: &Arguments) -> anyhow::Result<ModelZoo> {
+fn zoo(arguments: &MakeArguments) -> anyhow::Result<ModelZoo> {
     let all = arguments.zoo.as_deref().map_or_else(|| Ok(ModelZoo::embedded()), ModelZoo::load)?;
     if arguments.models.is_empty() {
         return Ok(all);
@@ -143,7 +143,7 @@ fn zoo(arguments: &Arguments) -> anyhow::Result<ModelZoo> {
     Ok(ModelZoo { models: all.models.into_iter().filter(named).collect() })
 }
 
-fn options(arguments: &Arguments) -> anyhow::Result<SynthOptions> {
+fn options(arguments: &MakeArguments) -> anyhow::Result<SynthOptions> {
     fn or_all<T: Clone>(list: &[T], all: &[T]) -> Vec<T> {
         if list.is_empty() { all.to_vec() } else { list.to_vec() }
     }
