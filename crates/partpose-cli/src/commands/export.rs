@@ -88,7 +88,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Format::Nuscenes => write_json(&out.join("results.json"), &nuscenes_results(&images))?,
         Format::Glb => {
             let zoo = zoo.unwrap_or_else(ModelZoo::embedded);
-            write_glb(out, scene::frames(images.clone(), &arguments.scene)?, &zoo)?;
+            write_glb(out, &scene::frames(images.clone(), &arguments.scene)?, &zoo)?;
         }
         Format::Openlabel => write_json(&out.join("openlabel.json"), &openlabel(&images))?,
     }
@@ -111,9 +111,9 @@ fn stems(images: &[PosedImage]) -> anyhow::Result<Vec<String>> {
     result_files::stems(&names)
 }
 
-fn write_glb(out: &Path, frames: Vec<SceneFrame>, zoo: &ModelZoo) -> anyhow::Result<()> {
+fn write_glb(out: &Path, frames: &[SceneFrame], zoo: &ModelZoo) -> anyhow::Result<()> {
     let names: Vec<String> = frames.iter().map(|frame| frame.found.image.clone()).collect();
-    for (stem, frame) in result_files::stems(&names)?.iter().zip(&frames) {
+    for (stem, frame) in result_files::stems(&names)?.iter().zip(frames) {
         files::write(&out.join(format!("{stem}.glb")), &scene_glb(frame, zoo))?;
     }
     Ok(())

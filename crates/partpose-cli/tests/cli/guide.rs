@@ -68,7 +68,7 @@ fn completions_and_manual_pages_know_every_command() {
     let folder = tempfile::tempdir().unwrap();
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let said = run(folder.path(), &["completions", shell]);
-        assert!(said.contains("evaluate") && said.contains("--detections"), "{shell}");
+        assert!(said.contains("evaluate") && said.contains("detections"), "{shell}");
         assert!(said.ends_with("--- exit 0\n"), "{shell}");
     }
     let said = run(folder.path(), &["man", "--out", "man"]);

@@ -14,7 +14,8 @@ fn evaluation(root: &Path) {
     for i in 0..60 {
         let (depth, iou) = (5 + i, f64::from(60 - i) / 60.0);
         let model = if i % 3 == 0 { "suv" } else { "sedan" };
-        list += &format!("0001/clone,{i},7,sedan,{depth},{model},{iou:.3},{iou:.3},\n");
+        let row = format!("0001/clone,{i},7,sedan,{depth},{model},{iou:.3},{iou:.3},\n");
+        list.push_str(&row);
     }
     list += "0001/clone,60,8,suv,70,,,,\"4 parts are needed, 2 were seen\"\n";
     fs::write(folder.join("vehicles.csv"), list).unwrap();

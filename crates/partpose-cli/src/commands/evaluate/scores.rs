@@ -57,7 +57,7 @@ pub(crate) fn own_results(given: &Path) -> anyhow::Result<Option<Vec<PosedImage>
         if given.is_dir() { files_with_ending(given, "json")? } else { vec![given.to_owned()] };
     let category = |_: &str| "Car".to_owned();
     paths.retain(|path| path.file_name().is_none_or(|name| name != "metrics.json"));
-    if !paths.first().is_some_and(|path| read_result(path, &category).is_ok()) {
+    if paths.first().is_none_or(|path| read_result(path, &category).is_err()) {
         return Ok(None);
     }
     let images: Result<Vec<_>, _> = paths.iter().map(|path| read_result(path, &category)).collect();

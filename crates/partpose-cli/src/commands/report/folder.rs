@@ -108,10 +108,9 @@ fn tables(path: &Path) -> anyhow::Result<(Vec<Table>, Vec<Table>)> {
 
 fn vehicles(table: &Table) -> Vec<Vehicle> {
     let column = |name: &str| csv::column(table, name);
-    let [sequence, frame, model, depth] =
-        ["sequence", "frame", "model", "depth"].map(|name| column(name));
+    let [sequence, frame, model, depth] = ["sequence", "frame", "model", "depth"].map(&column);
     let [predicted, iou, confidence, no_pose] =
-        ["predicted_model", "iou3d", "confidence", "no_pose"].map(|name| column(name));
+        ["predicted_model", "iou3d", "confidence", "no_pose"].map(&column);
     let vehicle = |row: &Vec<String>| {
         let text = |at: Option<usize>| at.map_or("", |at| row[at].as_str());
         let number = |at: Option<usize>| text(at).parse::<f64>().ok().filter(|v| v.is_finite());
