@@ -11,6 +11,8 @@ pub mod resize;
 pub mod roi_align;
 
 mod apply;
+#[cfg(test)]
+mod gradients;
 mod vector;
 mod winograd;
 

@@ -253,7 +253,9 @@ pub(super) fn forward_plain(
                 row.iter_mut().zip(residual).for_each(|(value, residual)| *value += residual);
             }
             if finish.relu {
-                row.iter_mut().for_each(|value| *value = value.max(0.0));
+                for value in row {
+                    *value = value.max(0.0);
+                }
             }
         }
     });

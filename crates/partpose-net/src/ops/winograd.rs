@@ -6,6 +6,9 @@
 //! weights is the transpose of these steps. Rounding errors are some ten times those of the plain sum, about 1e-5 of the
 //! largest value.
 
+// Only what is inlined is compiled for the chosen vectors.
+#![allow(clippy::inline_always)]
+
 use partpose_kernels::{Matrix, MatrixMut, multiply};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
