@@ -17,6 +17,8 @@ pub mod sampling;
 pub mod target;
 
 mod second_stage;
+#[cfg(test)]
+mod torchvision;
 
 pub use config::NetConfig;
 pub use detector::{Detector, VehicleDetection};
