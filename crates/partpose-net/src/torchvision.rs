@@ -66,7 +66,7 @@ fn check(what: &str, found: &[f32], expected: &[f32]) {
     }
 }
 
-/// Fills parameters in the order of a PyTorch module's state.
+/// Fills parameters in the order of a `PyTorch` module's state.
 struct Fill(u64);
 
 impl Fill {
@@ -131,7 +131,9 @@ fn residual_networks_agree() {
         fill.conv(&mut net.conv1);
         fill.norm(&mut net.bn1);
         for layer in [&mut net.layer1, &mut net.layer2, &mut net.layer3, &mut net.layer4] {
-            layer.iter_mut().for_each(|block| fill.block(block));
+            for block in layer {
+                fill.block(block);
+            }
         }
         let image = tensor([1, 3, 64, 96], 1000, &device);
         for (net, how) in [(net.clone(), "as trained"), (net.fold(), "folded")] {
@@ -150,7 +152,9 @@ fn pyramids_agree() {
     let mut fpn = Fpn::init(&mut Init::new(&device, 1), &[8, 16, 32], 8, HeadNorm::None, 0);
     let mut fill = Fill(0);
     for blocks in [&mut fpn.inner_blocks, &mut fpn.layer_blocks] {
-        blocks.iter_mut().for_each(|(conv, _)| fill.conv(conv));
+        for (conv, _) in blocks {
+            fill.conv(conv);
+        }
     }
     let sizes = [[8, 12, 20], [16, 6, 10], [32, 3, 5]];
     let maps = (1000..).zip(sizes).map(|(seed, [c, h, w])| tensor([1, c, h, w], seed, &device));

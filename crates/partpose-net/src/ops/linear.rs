@@ -7,7 +7,7 @@ use partpose_kernels::{Matrix, MatrixMut, multiply};
 use rayon::prelude::*;
 
 use super::apply::{Backwards, Kernel, Output, View, apply};
-use super::conv::masked;
+use super::conv2d::masked;
 
 /// Columns that one task computes.
 const BLOCK: usize = 128;
