@@ -31,8 +31,10 @@ const LEAST_BLOCK: usize = 32;
 const LANES: usize = 16;
 /// Gap between matrices, so that they do not compete for the same lines of the caches.
 const GAP: usize = 16;
-/// Pieces that the gradient of the weights is summed in.
+/// Blocks that a convolution is cut into at least, if it has tiles enough.
 const PIECES: usize = 4;
+/// Weights from which their gradient is summed in two pieces instead of four: clearing and adding them costs time too.
+const MANY_WEIGHTS: usize = 16_000;
 /// Tiles from which transforming the weights pays.
 const LEAST_TILES: usize = 40;
 /// Channels from which transforming tiles pays.
@@ -98,8 +100,9 @@ pub(super) fn forward(
 pub(super) fn backward_weight(input: &[f32], gradient: &[f32], s: &ConvShape) -> Vec<f32> {
     let blocks = blocks(s);
     let count = s.out_channels * s.in_channels;
+    let pieces = if count < MANY_WEIGHTS { PIECES } else { 2 };
     let pieces: Vec<Vec<f32>> = blocks
-        .par_chunks(blocks.len().div_ceil(PIECES).max(1))
+        .par_chunks(blocks.len().div_ceil(pieces).max(1))
         .map(|blocks| {
             let mut sums = vec![0.0; POINTS * count];
             let mut scratch = Scratch::default();
