@@ -2,10 +2,12 @@
 //!
 //! TOML is read here and not in the library, which knows no configuration format.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use partpose::dataset::{Dataset, KittiCalibration};
-use partpose::files::{self, MAX_IMAGE_SIDE};
+use partpose::files::{self, FileError, MAX_IMAGE_SIDE, Photo};
 use partpose::geometry::Camera;
 
 use crate::report;
@@ -29,6 +31,105 @@ struct CameraFile {
     cy: Option<f64>,
 }
 
+/// The cameras of the images of a run.
+pub(crate) enum Cameras {
+    /// One for all.
+    One { camera: Camera, path: PathBuf },
+    /// A calibration, which fits images of any size.
+    Calibration(KittiCalibration),
+    /// Those of a data set's frames, by the paths of their images; the first for other images of its size.
+    OfFrames { by_image: BTreeMap<PathBuf, Camera>, first: Camera, path: PathBuf },
+    /// From the picture itself.
+    Guessed { field_of_view: f64 },
+}
+
+/// Where a camera comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Origin {
+    /// From what the user gave.
+    Given,
+    /// A guess from the focal length in the picture's file.
+    Exif,
+    /// A guess from nothing.
+    FieldOfView,
+}
+
+impl Cameras {
+    /// The cameras of a file or folder: TOML, a KITTI calibration, or a data set.
+    pub(crate) fn load(path: &Path) -> anyhow::Result<Self> {
+        let cameras = if path.is_dir() { Self::of_dataset(path) } else { Self::of_file(path) };
+        cameras.map_err(|error| report::hint(error, REMEDY))
+    }
+
+    /// Focal lengths from EXIF, else from a field of view along the longer side, radians.
+    pub(crate) fn guess(field_of_view: f64) -> Self {
+        Self::Guessed { field_of_view }
+    }
+
+    fn of_file(path: &Path) -> anyhow::Result<Self> {
+        let text = files::read_text(path)?;
+        if is_calibration(&text) {
+            return Ok(Self::Calibration(KittiCalibration::parse(path, &text)?));
+        }
+        let camera = from_toml(path, &text)?;
+        check_ranges(path, &camera)?;
+        Ok(Self::One { camera, path: path.to_owned() })
+    }
+
+    fn of_dataset(path: &Path) -> anyhow::Result<Self> {
+        let root = path.canonicalize().map_err(|source| FileError::read(path, source))?;
+        let dataset = Dataset::open(&root)?;
+        let mut by_image = BTreeMap::new();
+        let mut first = None;
+        for id in dataset.sequences() {
+            for frame in dataset.frames(id)? {
+                first.get_or_insert(frame.camera);
+                by_image.extend(frame.image.map(|image| (image, frame.camera)));
+            }
+        }
+        let first = first
+            .with_context(|| format!("`{}` has no frame that could be read", path.display()))?;
+        Ok(Self::OfFrames { by_image, first, path: path.to_owned() })
+    }
+
+    /// The camera of an image.
+    pub(crate) fn of(&self, image: &Path, photo: &Photo) -> anyhow::Result<(Camera, Origin)> {
+        let (camera, path) = match self {
+            Self::One { camera, path } => (*camera, path),
+            Self::Calibration(calibration) => {
+                let camera = calibration.camera(photo.image.size);
+                check_ranges(image, &camera)?;
+                return Ok((camera, Origin::Given));
+            }
+            Self::OfFrames { by_image, first, path } => {
+                let known = image.canonicalize().ok().and_then(|image| by_image.get(&image));
+                (known.copied().unwrap_or(*first), path)
+            }
+            Self::Guessed { field_of_view } => return Ok(guess(photo, *field_of_view)),
+        };
+        if camera.size != photo.image.size {
+            let ([w, h], [cw, ch]) = (photo.image.size, camera.size);
+            anyhow::bail!(
+                "it has {w} x {h} pixels, but the camera of `{}` {cw} x {ch}",
+                path.display()
+            );
+        }
+        Ok((camera, Origin::Given))
+    }
+}
+
+/// A pinhole in the middle of the picture.
+fn guess(photo: &Photo, field_of_view: f64) -> (Camera, Origin) {
+    let [width, height] = photo.image.size.map(f64::from);
+    let longer = width.max(height);
+    let (focal, origin) = match photo.focal_pixels() {
+        Some(focal) => (focal, Origin::Exif),
+        None => (0.5 * longer / (0.5 * field_of_view).tan(), Origin::FieldOfView),
+    };
+    let center = [0.5 * (width - 1.0), 0.5 * (height - 1.0)];
+    (Camera::pinhole(focal, center, photo.image.size), origin)
+}
+
 /// The camera of a file or folder: TOML, a KITTI calibration with its image, or the first frame of a data set.
 pub(crate) fn load_camera(path: &Path) -> anyhow::Result<Camera> {
     let camera = if path.is_dir() { from_dataset(path) } else { from_file(path) };
@@ -37,15 +138,22 @@ pub(crate) fn load_camera(path: &Path) -> anyhow::Result<Camera> {
 
 fn from_file(path: &Path) -> anyhow::Result<Camera> {
     let text = files::read_text(path)?;
+    let camera = if is_calibration(&text) {
+        from_calibration(path, &text)?
+    } else {
+        from_toml(path, &text)?
+    };
+    check_ranges(path, &camera)?;
+    Ok(camera)
+}
+
+/// Whether a text has matrices as KITTI writes them.
+fn is_calibration(text: &str) -> bool {
     // `P0: ...` to `P3: ...`, or `P_rect_02: ...` in the raw recordings.
     let is_matrix = |line: &str| {
         line.starts_with('P') && line.split_once(':').is_some_and(|(name, _)| name.len() <= 9)
     };
-    let is_calibration = text.lines().any(is_matrix);
-    let camera =
-        if is_calibration { from_calibration(path, &text)? } else { from_toml(path, &text)? };
-    check_ranges(path, &camera)?;
-    Ok(camera)
+    text.lines().any(is_matrix)
 }
 
 /// Refuses a camera that nobody has: its numbers would overflow, or its images exhaust memory, much later.
@@ -245,6 +353,32 @@ mod tests {
             ],
         );
         check("P0: 1 2 3\n", &expect!["`camera.toml`: there is no row `P2:`"]);
+    }
+
+    #[test]
+    fn a_calibration_fits_images_of_any_size() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("calib.txt");
+        write(&path, P2.as_bytes()).unwrap();
+        let image = RgbImage { size: [8, 4], pixels: vec![0; 96] };
+        let photo = Photo { image, focal_35mm: None };
+        let (camera, origin) =
+            Cameras::load(&path).unwrap().of(Path::new("a.png"), &photo).unwrap();
+        assert_eq!((camera.size, camera.focal, origin), ([8, 4], [700.0, 710.0], Origin::Given));
+    }
+
+    #[test]
+    fn guess_takes_exif_before_the_field_of_view() {
+        let image = RgbImage { size: [400, 300], pixels: Vec::new() };
+        let mut photo = Photo { image, focal_35mm: None };
+        let cameras = Cameras::guess(90f64.to_radians());
+        let (camera, origin) = cameras.of(Path::new("a.png"), &photo).unwrap();
+        assert!((camera.focal[0] - 200.0).abs() < 1e-9 && origin == Origin::FieldOfView);
+        let expected = Camera::pinhole(camera.focal[0], [199.5, 149.5], [400, 300]);
+        assert_eq!(camera, expected);
+        photo.focal_35mm = Some(43.266_615);
+        let (camera, origin) = cameras.of(Path::new("a.png"), &photo).unwrap();
+        assert!((camera.focal[0] - 500.0).abs() < 1e-9 && origin == Origin::Exif);
     }
 
     #[test]

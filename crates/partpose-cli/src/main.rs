@@ -2,13 +2,15 @@
 
 mod camera;
 mod commands;
+mod network;
 mod pose_flags;
 mod progress;
 mod report;
+mod scene_flags;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 /// Six-degree-of-freedom vehicle poses from part masks.
 #[derive(Parser)]
@@ -32,13 +34,30 @@ enum Command {
     Label(commands::label::Arguments),
     /// Make a synthetic labelled data set
     Synth(commands::synth::Arguments),
+    /// Find vehicles and their poses in images
+    Run(commands::run::Arguments),
     /// Turn anybody's detections into poses
     Fit(commands::fit::Arguments),
+    /// Draw why each vehicle was found where it was, and how sure that is
+    Explain(commands::explain::Arguments),
     /// Write the results of `fit` in other programs' formats
     Export(commands::export::Arguments),
-    /// Score poses and solvers against ground truth
+    /// Train a network
+    Train(commands::train::Arguments),
+    /// Convert and inspect a network's weights
+    #[command(subcommand)]
+    Weights(commands::weights::Command),
+    /// Write results as a page in 3D that opens without a network
+    View(commands::view::Arguments),
+    /// Write runs and evaluations as one page that opens without a network
+    Report(commands::report::Arguments),
+    /// Score boxes, masks, poses and solvers against ground truth
     #[command(subcommand)]
     Evaluate(commands::evaluate::Command),
+    /// Print the completions of a shell
+    Completions(commands::completions::Arguments),
+    /// Write manual pages
+    Man(commands::completions::ManArguments),
 }
 
 fn main() -> ExitCode {
@@ -48,9 +67,19 @@ fn main() -> ExitCode {
         Command::Dataset(command) => commands::dataset::run(&command),
         Command::Label(arguments) => commands::label::run(&arguments),
         Command::Synth(arguments) => commands::synth::run(&arguments),
+        Command::Run(arguments) => commands::run::run(&arguments),
         Command::Fit(arguments) => commands::fit::run(&arguments),
+        Command::Explain(arguments) => commands::explain::run(&arguments),
         Command::Export(arguments) => commands::export::run(&arguments),
+        Command::Train(arguments) => commands::train::run(&arguments),
+        Command::Weights(command) => commands::weights::run(&command),
+        Command::View(arguments) => commands::view::run(&arguments),
+        Command::Report(arguments) => commands::report::run(&arguments),
         Command::Evaluate(command) => commands::evaluate::run(&command),
+        Command::Completions(arguments) => {
+            commands::completions::run(&arguments, Arguments::command())
+        }
+        Command::Man(arguments) => commands::completions::man(&arguments, Arguments::command()),
     };
     report::exit_code(outcome)
 }

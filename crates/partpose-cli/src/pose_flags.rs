@@ -10,9 +10,9 @@ pub(crate) struct PoseFlags {
     /// How kernels become masks
     #[arg(long, value_enum, default_value = "bilinear")]
     scaling: ScalingFlag,
-    /// How poses are found: with a solver for the centres of parts, or densely, from every probability of the mask,
-    /// where the flags of centres, scaling and filters have no say
-    #[arg(long, value_enum, default_value = "epnp")]
+    /// How poses are found: densely, from every probability of the mask, where the flags of centres, scaling and filters
+    /// have no say; or with a solver for the centres of parts, the paper's being `epnp`
+    #[arg(long, value_enum, default_value = "dense")]
     fit: FitFlag,
     /// Refine with Levenberg-Marquardt, robust and weighted by each part's spread
     #[arg(long)]

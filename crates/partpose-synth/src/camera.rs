@@ -29,8 +29,10 @@ pub struct CameraEffects {
     pub tint: f32,
     /// 0 clips highlights hard, 1 rolls them off like film.
     pub shoulder: f32,
-    /// Steepness of the tone curve in the middle; 0 for none.
+    /// Steepness of the tone curve in the middle; 0 for none, 1 is as hard as cameras for machines are set.
     pub contrast: f32,
+    /// Linear value below which all is black.
+    pub black: f32,
     /// 1 leaves colours as they are.
     pub saturation: f32,
     /// Noise of the sensor: standard deviation at middle grey.
@@ -64,6 +66,7 @@ impl Default for CameraEffects {
             tint: 0.0,
             shoulder: 0.4,
             contrast: 0.25,
+            black: 0.0,
             saturation: 1.0,
             noise: 0.0,
             motion_blur: 0.0,
@@ -94,9 +97,10 @@ impl CameraEffects {
             warmth: rng.random_range(-0.12..0.12),
             tint: rng.random_range(-0.04..0.04),
             shoulder: rng.random_range(0.0..0.9),
-            contrast: rng.random_range(0.0..0.6),
+            contrast: rng.random_range(0.0..1.0),
+            black: sometimes(rng, 0.6, 0.002, 0.03),
             saturation: rng.random_range(0.75..1.2),
-            noise: rng.random_range(0.002..0.03),
+            noise: 0.002 + 0.026 * rng.random::<f32>().powi(2),
             motion_blur: sometimes(rng, 0.5, 0.1, 1.0),
             softness: rng.random_range(0.0..0.7),
             sharpening: sometimes(rng, 0.5, 0.1, 0.7),

@@ -2,16 +2,21 @@
 //!
 //! [`write()`] draws all frames of all sequences. Every file is written whole or not at all, and the rows of a frame
 //! come last, into a folder of fragments; when a sequence has all its frames the fragments are put together. A run that
-//! was killed therefore goes on at the first frame without a fragment, and ends with the same bytes.
+//! was killed therefore goes on with the frames without a fragment, and ends with the same bytes. [`verify()`] checks
+//! that the labels of a data set agree with each other, [`statistics()`] counts how it is distributed.
 
 mod boxes;
+mod effects;
 mod fragments;
 mod frame;
 mod manifest;
+mod options;
 mod rows;
 mod sequences;
 mod sheet;
 mod statistics;
+mod verify;
+mod workers;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,65 +25,22 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use partpose::dataset::{DatasetError, SequenceId};
 use partpose::files::{self, FileError};
 use partpose::vehicle::{ModelZoo, ZooError};
-use rayon::prelude::*;
 
-use crate::shading::RenderOptions;
-use crate::world::{CameraOptions, Fleet, LayoutError, SceneKind, Variation};
+use crate::world::{Fleet, LayoutError, Variation};
 
+pub use effects::{Effect, UnknownEffect};
 pub use manifest::MANIFEST;
+pub use options::SynthOptions;
 pub use sheet::contact_sheets;
-pub use statistics::{Statistics, statistics, statistics_table};
+pub use statistics::{Statistics, statistics, statistics_beside, statistics_table};
+pub use verify::{Verified, verify};
+
+use frame::Shot;
+use sequences::PlannedWorld;
+use workers::Workers;
 
 /// Folder with the models of the vehicles, beside the archives.
 pub const ZOO: &str = "zoo";
-
-/// What is written.
-#[derive(Clone, Debug)]
-pub struct SynthOptions {
-    /// Seed of everything random.
-    pub seed: u64,
-    /// Frames of every sequence.
-    pub frames: u32,
-    /// Time between two frames, seconds.
-    pub interval: f64,
-    /// Kinds of worlds.
-    pub scenes: Vec<SceneKind>,
-    /// Worlds of every kind.
-    pub worlds: u32,
-    /// Variations of every world.
-    pub variations: Vec<Variation>,
-    /// The camera.
-    pub camera: CameraOptions,
-    /// Whether pictures show what lenses, sensors and files add; else the camera only exposes.
-    pub effects: bool,
-    /// How pictures are drawn.
-    pub render: RenderOptions,
-    /// A data set whose camera paths and vehicles are taken instead of random ones.
-    pub layout: Option<PathBuf>,
-    /// Threads, 0 for as many as there are processors; the result does not depend on it.
-    pub threads: usize,
-    /// Goes on with a run that was cut off.
-    pub resume: bool,
-}
-
-impl Default for SynthOptions {
-    fn default() -> Self {
-        Self {
-            seed: 1,
-            frames: 10,
-            interval: 0.1,
-            scenes: SceneKind::ALL.to_vec(),
-            worlds: 1,
-            variations: Variation::ALL.to_vec(),
-            camera: CameraOptions::default(),
-            effects: true,
-            render: RenderOptions::default(),
-            layout: None,
-            threads: 0,
-            resume: false,
-        }
-    }
-}
 
 /// What was written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -142,6 +104,17 @@ pub enum SynthError {
         /// Its value now.
         asked: String,
     },
+    /// A data set that was not written by this program.
+    #[error("`{path}` is no synthetic data set: it lacks `{missing}`")]
+    NotSynthetic {
+        /// The folder.
+        path: PathBuf,
+        /// What is missing.
+        missing: &'static str,
+    },
+    /// A frame could not be labelled again.
+    #[error(transparent)]
+    Label(#[from] partpose::labeling::LabelError),
     /// The manifest is damaged.
     #[error("`{path}` is not the manifest of a synthetic data set")]
     Manifest {
@@ -171,57 +144,68 @@ pub fn write(
     options: &SynthOptions,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Summary, SynthError> {
-    check(options)?;
+    options::check(options)?;
     let planned = sequences::plan(options)?;
     manifest::claim(out, options, zoo)?;
     let zoo = written_zoo(out, zoo)?;
     let fleet = Arc::new(Fleet::new(&zoo));
-    let threads = if options.threads == 0 { rayon::current_num_threads() } else { options.threads };
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|source| SynthError::Threads { threads, source })?;
-    progress(Progress::Total(
-        planned.iter().map(|world| world.frames.len() * world.variations.len()).sum(),
-    ));
+    let workers = Workers::new(options.threads)?;
+    progress(Progress::Total(planned.iter().map(PlannedWorld::images).sum()));
     if let Some(camera) = frame::other_camera(options, &planned) {
         let text = serde_json::to_string(&camera).unwrap_or_default();
         files::write(&out.join(partpose::dataset::CAMERA_FILE), text.as_bytes())?;
     }
+    let run = Run { out, options, fleet: &fleet, workers: &workers, progress };
     let mut summary = Summary::default();
     for planned in &planned {
-        let world = planned.world(options, &fleet);
-        for variation in &planned.variations {
-            let id =
-                SequenceId { world: planned.name.clone(), variation: variation.name().to_owned() };
-            summary.sequences += 1;
-            if fragments::is_complete(out, &id) {
-                summary.kept += planned.frames.len();
-                progress(Progress::Done(planned.frames.len()));
-                continue;
-            }
-            let drawn = AtomicUsize::new(0);
-            // No more frames than threads at a time, so that memory is bounded.
-            for group in planned.frames.chunks(threads) {
-                pool.install(|| {
-                    group.par_iter().try_for_each(|index| {
-                        if !fragments::exists(out, &id, *index) {
-                            frame::write(out, &id, &world, *index, *variation, options)?;
-                            drawn.fetch_add(1, Ordering::Relaxed);
-                        }
-                        progress(Progress::Done(1));
-                        Ok::<(), SynthError>(())
-                    })
-                })?;
-            }
-            let drawn = drawn.into_inner();
-            summary.drawn += drawn;
-            summary.kept += planned.frames.len() - drawn;
-            fragments::assemble(out, &id, &planned.frames)?;
-        }
+        let drawn = write_world(&run, planned)?;
+        summary.sequences += planned.variations.len();
+        summary.drawn += drawn;
+        summary.kept += planned.images() - drawn;
     }
     fragments::clean(out)?;
     Ok(summary)
+}
+
+/// What all worlds of a run share.
+struct Run<'a> {
+    out: &'a Path,
+    options: &'a SynthOptions,
+    fleet: &'a Arc<Fleet>,
+    workers: &'a Workers,
+    progress: &'a (dyn Fn(Progress) + Sync),
+}
+
+/// Writes what is missing of a world and gives the number of frames that were.
+fn write_world(run: &Run, planned: &PlannedWorld) -> Result<usize, SynthError> {
+    let missing: Vec<(SequenceId, Variation)> = planned
+        .variations
+        .iter()
+        .map(|variation| (planned.sequence(*variation), *variation))
+        .filter(|(id, _)| !fragments::is_complete(run.out, id))
+        .collect();
+    let whole = planned.variations.len() - missing.len();
+    (run.progress)(Progress::Done(whole * planned.frames.len()));
+    if missing.is_empty() {
+        return Ok(0);
+    }
+    let world = planned.world(run.options, run.fleet);
+    let drawn = AtomicUsize::new(0);
+    run.workers.run(missing.len() * planned.frames.len(), &|at| {
+        let (id, variation) = &missing[at / planned.frames.len()];
+        let index = planned.frames[at % planned.frames.len()];
+        if !fragments::exists(run.out, id, index) {
+            let shot = Shot { id, index, variation: *variation };
+            frame::write(run.out, &shot, &world, run.options)?;
+            drawn.fetch_add(1, Ordering::Relaxed);
+        }
+        (run.progress)(Progress::Done(1));
+        Ok(())
+    })?;
+    for (id, _) in &missing {
+        fragments::assemble(run.out, id, &planned.frames)?;
+    }
+    Ok(drawn.into_inner())
 }
 
 /// How far a run has come.
@@ -231,30 +215,6 @@ pub enum Progress {
     Total(usize),
     /// So many more are done.
     Done(usize),
-}
-
-fn check(options: &SynthOptions) -> Result<(), SynthError> {
-    let camera = &options.camera.camera;
-    let fault = if options.frames == 0 || options.frames > 100_000 {
-        Some("the number of frames must be 1 to 100000, since their names have five digits")
-    } else if options.scenes.is_empty() || options.variations.is_empty() {
-        Some("at least one scene and one variation are needed")
-    } else if options.worlds == 0 || options.worlds > 999 {
-        Some("the number of worlds of a kind must be 1 to 999")
-    } else if !(options.interval > 0.0 && options.interval <= 10.0) {
-        Some("the time between two frames must be above 0 and at most 10 seconds")
-    } else if camera.size.iter().any(|side| !(16..=4096).contains(side)) {
-        Some("the sides of the image must be 16 to 4096 pixels")
-    } else if !camera.focal.iter().all(|focal| (8.0..=1e5).contains(focal)) {
-        Some("the focal length must be 8 to 100000 pixels")
-    } else if !(0.3..=10.0).contains(&options.camera.height) {
-        Some("the height of the camera must be 0.3 to 10 metres")
-    } else if !(options.camera.pitch.abs() <= 0.5 && options.camera.roll.abs() <= 0.5) {
-        Some("pitch and roll of the camera must be within 0.5 radians")
-    } else {
-        None
-    };
-    fault.map_or(Ok(()), |fault| Err(SynthError::Options(fault)))
 }
 
 /// The models as anybody reads them from the data set: the numbers of their files, not those they were made with.

@@ -6,12 +6,6 @@
 //!
 //! The world frame is Virtual KITTI's: y down, metres. Colours are linear RGB until the camera has exposed them.
 
-#![allow(
-    clippy::all,
-    clippy::pedantic,
-    reason = "under construction; to be gone through before it is called done"
-)]
-
 pub mod camera;
 pub mod dataset;
 pub mod scene;

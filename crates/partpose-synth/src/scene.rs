@@ -62,17 +62,20 @@ pub struct SurfaceMesh {
     pub parts: Vec<u8>,
     /// Share of the sky that the object itself leaves open, one a vertex; empty where that is all of it.
     pub openness: Vec<f32>,
-    /// Joints along the faces' edges, one byte a face, see [`Joint`]; empty where there are none.
-    pub joints: Vec<u8>,
+    /// Joints along the faces' edges and at their corners, see [`Joint`]; empty where there are none.
+    ///
+    /// Two bits each: the edge opposite of the first corner in the lowest, the first corner in the seventh and eighth.
+    pub joints: Vec<u16>,
     /// The mesh by which the labels are drawn; `None` for objects without parts.
     ///
     /// It is the model's own, so that labels made from poses and models equal these to the bit; the surface may only
     /// differ from it by what fits inside.
     pub labels: Option<Arc<Mesh>>,
+    /// The same surface with fewer faces, of which only vertices, faces, materials and parts count; for far shadows.
+    pub coarse: Option<Arc<SurfaceMesh>>,
 }
 
-/// What runs along an edge of a face; two bits an edge in [`SurfaceMesh::joints`], the edge opposite of the first
-/// corner in the lowest.
+/// What runs along an edge of a face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Joint {

@@ -9,6 +9,7 @@ mod contact;
 pub(crate) mod depth_map;
 mod environment;
 mod labels;
+mod leaves;
 mod mirror;
 pub(crate) mod noise;
 mod pixels;
@@ -35,7 +36,7 @@ pub struct RenderOptions {
     pub anti_aliasing: bool,
     /// Side of the shadow maps in texels; 0 for none.
     pub shadows: usize,
-    /// Whether surfaces mirror what stands around; else a sky over a dark band.
+    /// Whether surfaces mirror what stands around, and wet roads what stands on them; else a sky over a dark band.
     pub surroundings: bool,
 }
 
@@ -103,7 +104,7 @@ pub fn render(scene: &Scene, options: &RenderOptions) -> Rendered {
         options.surroundings.then(|| surroundings::of_scene(scene, &bounds, &lighting));
     lighting.environment = environment.as_ref().unwrap_or(&plain);
     let mut color = pixels::shade(camera, &seen, &triangles, &visibility, &lighting);
-    if scene.air.wetness > 0.0 {
+    if scene.air.wetness > 0.0 && options.surroundings {
         let (depths, shares) = pixels::wet(camera, &seen, &triangles, &visibility, &lighting);
         mirror::add(camera, &lighting, &depths, &shares, &mut color);
     }

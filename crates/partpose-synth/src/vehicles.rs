@@ -11,10 +11,11 @@
 //! let kind = vehicle_kind(&ModelZoo::embedded().models[0]);
 //! let look = random_look(&mut rand_chacha::ChaCha8Rng::seed_from_u64(1));
 //! let lamps = Lamps { brake: true, ..Lamps::default() };
-//! assert!(kind.surface.materials.iter().all(|slot| usize::from(*slot) < materials(&look, &lamps).len()));
+//! assert!(kind.surface.materials.iter().all(|slot| usize::from(*slot) < materials(&look, lamps).len()));
 //! ```
 
 mod bake;
+mod coarse;
 mod inside;
 mod looks;
 mod patchwork;
@@ -53,6 +54,7 @@ pub fn vehicle_kind(model: &VehicleModel) -> VehicleKind {
     inside::furnish(&mut work);
     let mut surface = work.into_surface();
     surface.openness = bake::openness(&surface);
+    surface.coarse = Some(Arc::new(coarse::coarse(&surface)));
     surface.labels = Some(Arc::new(model.mesh().clone()));
     VehicleKind {
         name: model.name().to_owned(),

@@ -195,10 +195,15 @@ impl World {
         for candidate in candidates {
             match candidate {
                 Candidate::Vehicle { vehicle, place, track } => {
-                    let lamps = lamps(&place, dim);
+                    let lamps = lamps(
+                        &place,
+                        dim,
+                        random::hash(self.seed, &[0x1a3b, i64::from(track)]),
+                        time,
+                    );
                     let pose = place.world_from_vehicle;
                     let instance = vehicles.len() as u16 + 1;
-                    objects.push(self.fleet.object(&vehicle, pose, &lamps, instance));
+                    objects.push(self.fleet.object(&vehicle, pose, lamps, instance));
                     vehicles.push(self.placed(&vehicle, track, pose, place.moving));
                 }
                 Candidate::Other(object) => objects.push(object),
@@ -314,12 +319,25 @@ fn near(candidate: &Candidate, world_from_camera: &Pose) -> bool {
     in_camera.z > -20.0 && in_camera.coords.norm() < FARTHEST
 }
 
-fn lamps(place: &traffic::Place, dim: bool) -> Lamps {
+/// Who drives has running lights, or head lamps when it is dim; a few blink.
+fn lamps(place: &traffic::Place, dim: bool, own: u64, time: f64) -> Lamps {
     let driving = place.moving || place.braking;
+    let share = |what: i64| random::unit(own, &[what]);
+    let head = driving && (dim || share(1) < 0.2);
+    let is_bright = (1.5 * time + share(2)).fract() < 0.5;
+    let side = share(3);
+    let [left, right] = if driving {
+        [side < 0.04, side > 0.95]
+    } else {
+        // Some that stand have their hazard lights on, some are about to leave.
+        [side < 0.03, side < 0.012]
+    };
     Lamps {
-        head: dim && driving,
-        daytime: driving && !dim,
-        brake: place.braking,
-        ..Lamps::default()
+        head,
+        daytime: driving && !head && share(4) < 0.7,
+        brake: place.braking || (!driving && share(5) < 0.02),
+        left: left && is_bright,
+        right: right && is_bright,
+        reverse: !driving && share(6) < 0.01,
     }
 }

@@ -1,12 +1,5 @@
 //! Pictures are the same on any number of threads, labels are those of the label renderer, light adds up.
 
-#![allow(
-    clippy::all,
-    clippy::pedantic,
-    clippy::restriction,
-    reason = "under construction, as the crate"
-)]
-
 use std::sync::Arc;
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
@@ -48,7 +41,7 @@ fn cars() -> Vec<Object> {
         mesh: Arc::clone(&kinds[i % 2].surface),
         materials: materials(
             &random_look(&mut ChaCha8Rng::seed_from_u64(i as u64)),
-            &Lamps { head: true, brake: true, ..Lamps::default() },
+            Lamps { head: true, brake: true, ..Lamps::default() },
         ),
         world_from_object: pose,
         scale: Vector3::new(1.02, 0.98, 1.0 + 0.01 * i as f64),
@@ -195,7 +188,10 @@ fn labels_of_vehicles_are_those_of_the_label_renderer() {
 #[test]
 fn every_pixel_of_a_vehicle_carries_a_part_and_what_stands_before_it_hides_it() {
     let (rendered, count) = check_labels(&street());
-    let of = |class: SegmentClass| rendered.classes.iter().filter(|c| **c == class as u8).count();
+    let classes = rendered.classes.iter();
+    let of = |class: SegmentClass| {
+        classes.clone().map(|c| usize::from(*c == class as u8)).sum::<usize>()
+    };
     assert_eq!(of(SegmentClass::Car), count);
     assert!(of(SegmentClass::Tree) > 500);
 }
@@ -270,4 +266,44 @@ fn surfaces_that_lack_normals_or_materials_are_drawn_nevertheless() {
     mesh.faces.push([0, 1, 77]);
     let rendered = render(&scene(vec![broken]), &RenderOptions::default());
     assert!(rendered.classes.contains(&(SegmentClass::Road as u8)));
+}
+
+#[test]
+fn finer_sampling_changes_the_picture_and_no_label() {
+    let scene = street();
+    let [cheap, fine] =
+        [RenderOptions::cheap(), RenderOptions::default()].map(|options| render(&scene, &options));
+    assert!(cheap.color != fine.color);
+    assert!(cheap.parts == fine.parts);
+    assert!(cheap.instances == fine.instances);
+    assert!(cheap.classes == fine.classes);
+}
+
+#[test]
+fn an_effect_that_is_switched_on_leaves_the_others_as_they_were() {
+    let scene = street();
+    let rendered = render(&scene, &RenderOptions::cheap());
+    let without = CameraEffects { noise: 0.02, sharpening: 0.3, ..CameraEffects::default() };
+    let with = CameraEffects { drops: 2, rain: 0.2, ..without };
+    let [a, b] = [without, with].map(|effects| photograph(&scene, &rendered, &effects, 5));
+    let same = a.pixels().zip(b.pixels()).filter(|(a, b)| a == b).count();
+    let all = rendered.parts.len();
+    // Only drops and streaks differ: noise is the same, number by number.
+    assert!(same > all * 6 / 10 && same < all, "{same} of {all} pixels are the same");
+}
+
+#[test]
+fn far_shadows_come_from_a_body_as_large_as_the_near_one() {
+    for kind in kinds() {
+        let coarse = kind.surface.coarse.as_ref().unwrap();
+        let size = |mesh: &SurfaceMesh| {
+            let corners = mesh.faces.iter().flatten().map(|i| mesh.vertices[*i as usize].coords);
+            let first = (Vector3::repeat(f32::MAX), Vector3::repeat(f32::MIN));
+            let (low, high) = corners.fold(first, |(low, high), p| (low.inf(&p), high.sup(&p)));
+            high - low
+        };
+        let difference = (size(coarse) - size(&kind.surface)).amax();
+        assert!(difference < 0.15, "{}: {difference} m", kind.name);
+        assert!(coarse.faces.len() < kind.surface.faces.len() / 2, "{}", kind.name);
+    }
 }

@@ -25,6 +25,7 @@ use rayon::prelude::*;
 
 use crate::dataset::{Frame, SequenceId};
 use crate::geometry::Extent;
+use crate::pose::dense::MaskBias;
 use crate::vehicle::{Mesh, VehicleModel, half, simplify};
 
 pub use outcome::{CarveError, Carved, CarvedModel, Progress, Skipped};
@@ -51,6 +52,8 @@ pub struct CarveOptions {
     pub min_tracks: usize,
     /// Most faces of a model.
     pub max_faces: usize,
+    /// How far masks lie off the true outlines.
+    pub mask_bias: Option<MaskBias>,
 }
 
 impl Default for CarveOptions {
@@ -62,6 +65,7 @@ impl Default for CarveOptions {
             views_per_track: 24,
             min_tracks: 2,
             max_faces: 10_000,
+            mask_bias: None,
         }
     }
 }
@@ -82,7 +86,8 @@ pub fn carve_models(
     }
     let rows = choose_rows(frames, &names, leave_out, options);
     let mut carved = Carved::default();
-    let mut views = read_views(frames, &rows, &names, &mut carved.skipped, observer);
+    let bias = options.mask_bias.as_ref();
+    let mut views = read_views(frames, &rows, &names, bias, &mut carved.skipped, observer);
     let mut shapes: Vec<Option<Shape>> = Vec::new();
     for (name, views) in names.iter().zip(&mut views) {
         let tracks = views.chunk_by(|a, b| a.track == b.track).count();

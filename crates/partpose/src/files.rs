@@ -4,6 +4,7 @@
 //! rely on goes out through [`write()`], so that an interrupted run leaves no half of one.
 
 mod labels;
+mod photo;
 
 use std::{
     fs::{self, File},
@@ -14,6 +15,7 @@ use std::{
 pub use labels::{
     LabelImageError, Labels, encode_gray16_png, encode_indexed_png, read_gray16, read_indices,
 };
+pub use photo::{Photo, read_photo};
 
 /// Largest text or model file that is read, bytes.
 pub const MAX_FILE: u64 = 1 << 30;

@@ -14,6 +14,15 @@ use crate::geometry::Rect;
 use crate::parts::{BACKGROUND, PartMask};
 use crate::vehicle::ModelZoo;
 
+/// What a label image says of a box: the shares of background and parts on size x size cells.
+///
+/// All parts in the box count as its vehicle's; what lies outside the image is unknown. For masks that come from
+/// elsewhere: label images of one vehicle each, or boxes that do not overlap.
+pub fn detection_from_labels(labels: &PartMask, bounds: &Rect, size: usize) -> Detection {
+    let owners: Vec<u16> = labels.labels.iter().map(|label| u16::from(*label != 0)).collect();
+    kernel::fractions(labels, &owners, 1, bounds, size).into_detection(*bounds)
+}
+
 /// Which 2D box an oracle detection gets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OracleBox {

@@ -10,6 +10,10 @@ pub mod dense;
 mod estimator;
 mod filters;
 mod fit;
+pub mod ground;
+mod observed;
+mod reasons;
+pub mod scene;
 mod visible;
 
 pub use centers::{Center2d, Center3d, PartEvidence, model_centers, part_evidence};
@@ -18,3 +22,5 @@ pub use estimator::{
     PoseEstimator, PoseOptions,
 };
 pub use filters::{DEFAULT_SMALL_PART, PartFilters};
+pub use observed::{PartState, PartVerdict};
+pub use reasons::{Reason, ReasonCode, reasons};

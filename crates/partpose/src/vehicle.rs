@@ -16,8 +16,10 @@ mod place;
 pub(crate) mod simplify;
 mod zoo;
 
+pub(crate) use glb::join as join_glb;
 pub use glb::{GlbError, MAX_COORDINATE, MAX_FACES, MAX_SIDE, MIN_SIDE, PrimitiveFault};
 pub use glb_read::{from_glb, from_partial_glb};
+pub(crate) use glb_write::linear_from_srgb;
 pub use glb_write::{to_glb, to_partial_glb};
 pub use mesh::Mesh;
 pub use model::{ModelError, VehicleModel};

@@ -12,7 +12,10 @@ use partpose::dataset::Frame;
 use partpose::detection::Detection;
 use partpose::eval::{PoseScores, Scored, pose_deviation, score_table, summarize};
 use partpose::files;
-use partpose::formats::{DetectionFile, ResultSettings, image_result, write_detections};
+use partpose::formats::{
+    DetectionFile, PosedImage, PosedVehicle, ResultSettings, image_result, result_json,
+    write_detections,
+};
 use partpose::oracle::{Degradation, Oracle, OracleOptions};
 use partpose::pose::{ExtentSource, NoPose, PnpMethod, PoseEstimate, PoseEstimator, PoseOptions};
 use partpose::vehicle::ModelZoo;
@@ -95,7 +98,10 @@ fn find(frame: &Frame, oracle: &Oracle, estimator: &PoseEstimator, seed: u64) ->
             let detection = oracle.detection(vehicle, &options)?;
             // The paper's protocol: the size is given, since one image cannot tell it from the distance.
             let extent = ExtentSource::Given(frame.vehicles[vehicle].cuboid.extent);
-            let estimate = estimator.estimate(&frame.camera, &detection, &extent);
+            let mut estimate = estimator.estimate(&frame.camera, &detection, &extent);
+            if let Ok(estimate) = &mut estimate {
+                estimator.observe(&frame.camera, &detection, estimate);
+            }
             Some(Found { vehicle, detection, estimate })
         })
         .collect()
@@ -126,7 +132,25 @@ fn write(
     let drawn = (pictured.as_slice(), settings.pose.scaling);
     let picture = result_files::picture(name, &frame.camera, Some(&image), drawn);
     files::write_png(&folder.join(format!("{name}.png")), &picture)?;
+    files::write_png(&folder.join(format!("images/{name}.png")), &image)?;
+    let truth = result_json(&truth(name, frame));
+    files::write(&folder.join(format!("truth/{name}.json")), truth.as_bytes())?;
     Ok(())
+}
+
+/// The labelled vehicles that are not to be ignored, in the form of results.
+fn truth(name: &str, frame: &Frame) -> PosedImage {
+    let labelled = frame.vehicles.iter().filter(|label| !label.dont_care);
+    let vehicles = labelled.map(|label| PosedVehicle {
+        model: label.model.clone().unwrap_or_default(),
+        category: label.category.clone(),
+        bounds: label.bounds,
+        score: 1.0,
+        cuboid: label.cuboid,
+        confidence: None,
+        reprojection_rmse: None,
+    });
+    PosedImage { image: format!("{name}.png"), camera: frame.camera, vehicles: vehicles.collect() }
 }
 
 fn summary(folder: &Path, scores: &PoseScores, accuracies: &[f64]) -> anyhow::Result<()> {

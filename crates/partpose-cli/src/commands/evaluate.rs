@@ -1,17 +1,25 @@
-//! `partpose evaluate`: scores poses and solvers against ground truth.
+//! `partpose evaluate`: scores boxes, masks, poses and solvers against ground truth.
 
 mod a3dp;
 mod bop;
+mod boxes;
 mod coco;
 mod kitti;
+mod masks;
 mod pnp;
 mod poses;
 mod scores;
+mod selection;
+mod source;
 
 use crate::report::Outcome;
 
 #[derive(clap::Subcommand)]
 pub(crate) enum Command {
+    /// Table I: boxes that a detector finds, and COCO's average precision
+    Boxes(boxes::Arguments),
+    /// Table II: part masks that a detector finds, by class and by kernel
+    Masks(masks::Arguments),
     /// Tables III to V: poses of the labelled vehicles of a data set
     Poses(poses::Arguments),
     /// Accuracy and time of the `PnP` solvers on problem sets
@@ -28,6 +36,8 @@ pub(crate) enum Command {
 
 pub(crate) fn run(command: &Command) -> anyhow::Result<Outcome> {
     match command {
+        Command::Boxes(arguments) => boxes::run(arguments),
+        Command::Masks(arguments) => masks::run(arguments),
         Command::Poses(arguments) => poses::run(arguments),
         Command::Pnp(arguments) => pnp::run(arguments),
         Command::Kitti(arguments) => kitti::run(arguments),

@@ -1,32 +1,55 @@
-//! `partpose export`: the results of `fit` in other programs' formats.
+//! `partpose export`: results in other programs' formats, and other programs' results in ours.
+
+mod read;
+pub(crate) mod scene;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use partpose::eval::files_with_ending;
 use partpose::files;
-use partpose::formats::bop::{bop_csv, bop_model_info, bop_ply};
+use partpose::formats::bop::{bop_csv, bop_image_ids, bop_model_info, bop_ply};
 use partpose::formats::nuscenes::nuscenes_results;
-use partpose::formats::{KittiRow, PosedImage, coco_results, kitti_text, openlabel, read_result};
+use partpose::formats::{
+    CocoIds, KittiRow, PosedImage, coco_results, kitti_text, openlabel, read_coco_ids, result_json,
+};
 use partpose::geometry::Vector3;
 use partpose::vehicle::ModelZoo;
+use partpose::viz::{SceneFrame, scene_glb};
 
+pub(crate) use read::read_results;
+
+use crate::camera::load_camera;
 use crate::commands::result_files;
-use crate::report::{Outcome, hint, note, warn_error};
+use crate::report::{Outcome, hint, note};
 
 #[derive(clap::Args)]
+#[command(after_help = "Examples:
+  partpose export --results out/fit --to kitti --out out/kitti
+  partpose export --results out/fit --to coco --coco-ids instances.json --out out/coco
+  partpose export --from kitti --results label_2 --camera camera.toml --to results --out out/labels")]
 pub(crate) struct Arguments {
-    /// Results of `fit`: a JSON file, or a folder of them
+    /// Results to read: a file, or a folder of them
     #[arg(long, value_name = "FILE")]
     results: PathBuf,
+    /// Format to read
+    #[arg(long, value_enum, default_value = "results")]
+    from: read::Source,
     /// Format to write
     #[arg(long, value_enum)]
     to: Format,
+    /// The camera of all images, where the format to read has none
+    #[arg(long, value_name = "FILE")]
+    camera: Option<PathBuf>,
     /// Zoo of the results' models, which knows their categories and, for BOP, their shapes; without it every vehicle
     /// is a car
     #[arg(long, value_name = "DIR")]
     zoo: Option<PathBuf>,
+    /// COCO annotations whose ids of images and categories are to be used
+    #[arg(long, value_name = "FILE")]
+    coco_ids: Option<PathBuf>,
+    #[command(flatten)]
+    scene: scene::SceneFlags,
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -34,6 +57,8 @@ pub(crate) struct Arguments {
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Format {
+    /// The JSON of `fit`, one file an image
+    Results,
     /// One label text an image
     Kitti,
     /// One list of boxes, ids of images as in `images.json`
@@ -44,22 +69,27 @@ enum Format {
     Nuscenes,
     /// One ASAM `OpenLABEL` 1.0 file
     Openlabel,
+    /// One GLB scene an image: models, camera, frustum with the picture, true boxes
+    Glb,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let zoo = arguments.zoo.as_ref().map(|folder| ModelZoo::load(folder)).transpose()?;
-    let (images, skipped) = read(&arguments.results, zoo.as_ref())?;
+    let camera = arguments.camera.as_deref().map(load_camera).transpose()?;
+    let (images, skipped) = read::read(&arguments.results, arguments.from, camera, zoo.as_ref())?;
+    let ids = arguments.coco_ids.as_deref().map(read_coco_ids).transpose()?;
     let out = &arguments.out;
     files::create_folder(out)?;
     match arguments.to {
+        Format::Results => write_results(out, &images)?,
         Format::Kitti => write_kitti(out, &images)?,
-        Format::Coco => {
-            let images = with_ids(out, images.clone())?;
-            let images: Vec<_> = images.into_iter().map(|(id, image)| (id.into(), image)).collect();
-            write_json(&out.join("results.json"), &coco_results(&images))?;
-        }
+        Format::Coco => write_coco(out, &images, ids.as_ref())?,
         Format::Bop => write_bop(out, &images, zoo.as_ref())?,
         Format::Nuscenes => write_json(&out.join("results.json"), &nuscenes_results(&images))?,
+        Format::Glb => {
+            let zoo = zoo.unwrap_or_else(ModelZoo::embedded);
+            write_glb(out, scene::frames(images.clone(), &arguments.scene)?, &zoo)?;
+        }
         Format::Openlabel => write_json(&out.join("openlabel.json"), &openlabel(&images))?,
     }
     let vehicles: usize = images.iter().map(|image| image.vehicles.len()).sum();
@@ -71,40 +101,33 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(if skipped == 0 { Outcome::Done } else { Outcome::Skipped })
 }
 
-/// All results, by the names of their files, and how many could not be read.
-fn read(path: &Path, zoo: Option<&ModelZoo>) -> anyhow::Result<(Vec<PosedImage>, usize)> {
-    let category = |name: &str| {
-        let model = zoo.and_then(|zoo| zoo.models.iter().find(|model| model.name() == name));
-        model.map_or("Car".to_owned(), |model| model.category().to_owned())
-    };
-    let paths =
-        if path.is_dir() { files_with_ending(path, "json")? } else { vec![path.to_owned()] };
-    let (mut images, mut skipped) = (Vec::new(), 0);
-    for path in &paths {
-        match read_result(path, &category) {
-            Ok(image) => images.push(image),
-            Err(error) if paths.len() == 1 => return Err(error.into()),
-            Err(error) => {
-                skipped += 1;
-                warn_error("skipped a result", &error);
-            }
-        }
-    }
-    if images.is_empty() {
-        let error = anyhow::anyhow!("there is no result in `{}`", path.display());
-        return Err(hint(error, "give the folder that `partpose fit` wrote to as `--results`"));
-    }
-    Ok((images, skipped))
-}
-
 fn write_json(path: &Path, value: &impl serde::Serialize) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(value)?;
     Ok(files::write(path, text.as_bytes())?)
 }
 
-fn write_kitti(out: &Path, images: &[PosedImage]) -> anyhow::Result<()> {
+fn stems(images: &[PosedImage]) -> anyhow::Result<Vec<String>> {
     let names: Vec<String> = images.iter().map(|image| image.image.clone()).collect();
-    for (stem, image) in result_files::stems(&names)?.iter().zip(images) {
+    result_files::stems(&names)
+}
+
+fn write_glb(out: &Path, frames: Vec<SceneFrame>, zoo: &ModelZoo) -> anyhow::Result<()> {
+    let names: Vec<String> = frames.iter().map(|frame| frame.found.image.clone()).collect();
+    for (stem, frame) in result_files::stems(&names)?.iter().zip(&frames) {
+        files::write(&out.join(format!("{stem}.glb")), &scene_glb(frame, zoo))?;
+    }
+    Ok(())
+}
+
+fn write_results(out: &Path, images: &[PosedImage]) -> anyhow::Result<()> {
+    for (stem, image) in stems(images)?.iter().zip(images) {
+        files::write(&out.join(format!("{stem}.json")), result_json(image).as_bytes())?;
+    }
+    Ok(())
+}
+
+fn write_kitti(out: &Path, images: &[PosedImage]) -> anyhow::Result<()> {
+    for (stem, image) in stems(images)?.iter().zip(images) {
         let row = |vehicle: &partpose::formats::PosedVehicle| KittiRow {
             category: vehicle.category.clone(),
             truncation: None,
@@ -120,13 +143,40 @@ fn write_kitti(out: &Path, images: &[PosedImage]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Numbers the images from 1 in their order and writes the numbers down.
-fn with_ids(out: &Path, images: Vec<PosedImage>) -> anyhow::Result<Vec<(u32, PosedImage)>> {
-    let images: Vec<(u32, PosedImage)> = (1..).zip(images).collect();
-    let names: BTreeMap<u32, &String> =
-        images.iter().map(|(id, image)| (*id, &image.image)).collect();
-    write_json(&out.join("images.json"), &names)?;
-    Ok(images)
+fn write_coco(out: &Path, images: &[PosedImage], ids: Option<&CocoIds>) -> anyhow::Result<()> {
+    let detections = if let Some(ids) = ids {
+        coco_results(&with_coco_ids(images, ids)?, ids)
+    } else {
+        let numbered = (1..).zip(images.iter().cloned()).collect::<Vec<_>>();
+        write_names(out, images)?;
+        coco_results(&numbered, &CocoIds::default())
+    };
+    write_json(&out.join("results.json"), &detections)
+}
+
+/// Gives images the ids of a file of annotations; one that it does not have is an error.
+pub(crate) fn with_coco_ids(
+    images: &[PosedImage],
+    ids: &CocoIds,
+) -> anyhow::Result<Vec<(u64, PosedImage)>> {
+    let id = |image: &PosedImage| {
+        let unknown = || {
+            let error =
+                anyhow::anyhow!("the COCO annotations have no image of the name `{}`", image.image);
+            hint(
+                error,
+                "images are found by `file_name`, or by its last part where only one has it",
+            )
+        };
+        Ok((ids.image(&image.image).ok_or_else(unknown)?, image.clone()))
+    };
+    images.iter().map(id).collect()
+}
+
+/// Writes down the numbers of the images, from 1 in their order.
+fn write_names(out: &Path, images: &[PosedImage]) -> anyhow::Result<()> {
+    let names: BTreeMap<u32, &String> = (1..).zip(images.iter().map(|i| &i.image)).collect();
+    write_json(&out.join("images.json"), &names)
 }
 
 fn write_bop(out: &Path, images: &[PosedImage], zoo: Option<&ModelZoo>) -> anyhow::Result<()> {
@@ -137,8 +187,15 @@ fn write_bop(out: &Path, images: &[PosedImage], zoo: Option<&ModelZoo>) -> anyho
     names.dedup();
     let ids: BTreeMap<String, u32> = names.into_iter().zip(1..).collect();
     write_json(&out.join("objects.json"), &ids)?;
-    let images = with_ids(out, images.to_vec())?;
-    files::write(&out.join("results.csv"), bop_csv(1, &images, &ids).as_bytes())?;
+    let own: Option<Vec<[u32; 2]>> = images.iter().map(|i| bop_image_ids(&i.image)).collect();
+    let keys = if let Some(keys) = own {
+        keys
+    } else {
+        write_names(out, images)?;
+        (1..).take(images.len()).map(|image| [1, image]).collect()
+    };
+    let images: Vec<([u32; 2], &PosedImage)> = keys.into_iter().zip(images).collect();
+    files::write(&out.join("results.csv"), bop_csv(&images, &ids).as_bytes())?;
     let Some(zoo) = zoo else { return Ok(()) };
     let mut infos = BTreeMap::new();
     for model in &zoo.models {

@@ -240,6 +240,89 @@ fn exported_results_are_read_by_the_evaluators() {
     }
 }
 
+/// Every format that has poses is read again; the pitch and roll that KITTI loses the demo does not have.
+#[test]
+fn what_is_exported_is_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    run(root, &["demo", "--out", ".", "--scenes", "1"]);
+    let count = fs::read_to_string(root.join("scene-1.txt")).unwrap().lines().count();
+    for (format, file) in [
+        ("results", ""),
+        ("kitti", ""),
+        ("bop", "/results.csv"),
+        ("nuscenes", "/results.json"),
+        ("openlabel", "/openlabel.json"),
+    ] {
+        let (there, back) = (format!("there/{format}"), format!("back/{format}"));
+        let export = |arguments: &[&str]| {
+            let said = run(root, &[&["export"], arguments].concat());
+            assert!(said.contains(&format!("exported {count} vehicles of 1 images")), "{said}");
+        };
+        let to = ["--to", format, "--zoo", "zoo", "--out", &there];
+        export(&[&["--results", "scene-1.json"], &to[..]].concat());
+        let file = format!("{there}{file}");
+        let from = ["--from", format, "--camera", "camera.toml", "--zoo", "zoo"];
+        export(&[&["--results", &file, "--to", "kitti", "--out", &back], &from[..]].concat());
+    }
+    // Places and angles are written with four digits.
+    let numbers = |format: &str| -> Vec<f64> {
+        let folder = fs::read_dir(root.join("back").join(format)).unwrap();
+        let path = folder.map(|entry| entry.unwrap().path()).next().unwrap();
+        let text = fs::read_to_string(path).unwrap();
+        let line =
+            |line: &str| line.split(' ').skip(11).map(|n| n.parse().unwrap()).collect::<Vec<_>>();
+        text.lines().flat_map(line).collect()
+    };
+    let expected = numbers("results");
+    for format in ["kitti", "bop", "nuscenes", "openlabel"] {
+        let found = numbers(format);
+        let apart = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(found.len() == expected.len() && apart < 2e-3, "{format}: {apart}");
+    }
+}
+
+#[test]
+fn results_of_fit_are_scored_by_coco_by_the_names_of_their_images() {
+    let folder = coco();
+    let root = folder.path();
+    let labels = fs::read_to_string(root.join("labels/instances.json")).unwrap();
+    let labels = labels.replace(r#""id": 3,"#, r#""id": 3, "file_name": "frames/a.png","#);
+    write(root, "labels/instances.json", &labels);
+    fs::remove_file(root.join("results/found.json")).unwrap();
+    let result = r#"{"image": "a.png", "camera": {"focal": [700, 700], "principal_point": [10, 5], "size": [20, 10]},
+        "vehicles": [{"bounds": [0.5, 0.5, 4.5, 5.5], "score": 0.7, "pose": {"model": "x", "translation": [1, 2, 9],
+        "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "extent": {"width": 1.8, "height": 1.5, "length": 4.4}}}]}"#;
+    write(root, "results/a.json", result);
+    let said = evaluate(root, "coco", &[]);
+    assert!(said.ends_with("--- exit 0\n"), "{said}");
+    assert!((metrics(root)["bbox"]["AP"].as_f64().unwrap() - 1.0).abs() < 1e-9);
+    fs::remove_dir_all(root.join("out")).unwrap();
+    write(root, "results/a.json", &result.replace("a.png", "b.png"));
+    refuses(root, &evaluate(root, "coco", &[]), &["`b.png`", "file_name"]);
+}
+
+#[test]
+fn formats_without_camera_or_sizes_ask_for_them() {
+    let folder = kitti();
+    let export = |more: &[&str]| {
+        let arguments = ["export", "--results", "labels", "--to", "results", "--out", "out"];
+        run(folder.path(), &[&arguments[..], more].concat())
+    };
+    refuses(folder.path(), &export(&["--from", "kitti"]), &["camera", "--camera"]);
+    let camera = "width = 1242\nheight = 375\nfx = 700.0\nfy = 700.0\ncx = 600.0\ncy = 180.0\n";
+    write(folder.path(), "camera.toml", camera);
+    let more = ["--from", "bop", "--camera", "camera.toml"];
+    refuses(folder.path(), &export(&more), &["sizes", "--zoo"]);
+    write(folder.path(), "labels/000000.txt", "Car 0 0\n");
+    let more = ["--from", "kitti", "--camera", "camera.toml"];
+    refuses(folder.path(), &export(&more), &["000000.txt` line 1: 3 columns"]);
+    write(folder.path(), "label.json", "{\"openlabel\": 3}");
+    let arguments = ["export", "--from", "openlabel", "--results", "label.json", "--to", "kitti"];
+    let said = run(folder.path(), &[&arguments[..], &["--out", "out"]].concat());
+    refuses(folder.path(), &said, &["label.json` has no `openlabel.frames`"]);
+}
+
 #[test]
 fn export_of_what_is_no_result_is_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -4,11 +4,16 @@
 #![allow(clippy::needless_raw_string_hashes, reason = "`UPDATE_EXPECT=1` writes them")]
 
 mod bad_input;
+mod browser;
 mod dataset_check;
+mod evaluate_detections;
 mod evaluate_others;
+mod guide;
 mod label;
 mod poses;
+mod report;
 mod synth;
+mod view;
 mod zoo;
 mod zoo_annotate;
 mod zoo_check;

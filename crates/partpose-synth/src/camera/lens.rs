@@ -43,13 +43,31 @@ pub(super) fn part_colors(frame: &mut Frame, corner: f32) {
     let [width, height] = frame.size;
     let middle = [0.5 * width as f32, 0.5 * height as f32];
     let scale = corner / middle[0].hypot(middle[1]).max(1.0);
+    // A place's neighbour and its share depend on the column alone or on the row alone.
+    let places = |side: usize, middle: f32, sign: f32| -> Vec<(usize, f32)> {
+        let place = |i: usize| {
+            let at = i as f32 + sign * (i as f32 - middle) * scale;
+            let at = at.clamp(0.0, (side as f32 - 1.001).max(0.0));
+            (at as usize, at - (at as usize) as f32)
+        };
+        (0..side).map(place).collect()
+    };
+    let tables =
+        [-1.0, 1.0].map(|sign| [places(width, middle[0], sign), places(height, middle[1], sign)]);
     let old = frame.pixels.clone();
     frame.pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
-        for (x, value) in row.iter_mut().enumerate() {
-            let offset = [(x as f32 - middle[0]) * scale, (y as f32 - middle[1]) * scale];
-            for (channel, sign) in [(0, -1.0), (2, 1.0)] {
-                let at = [x as f32 + sign * offset[0], y as f32 + sign * offset[1]];
-                value[channel] = between(&old, frame.size, at, channel);
+        for ([columns, rows], channel) in tables.iter().zip([0, 2]) {
+            let (iy, fy) = rows[y];
+            let upper = &old[iy * width..];
+            let lower = &old[(iy + 1).min(height - 1) * width..];
+            for (value, (ix, fx)) in row.iter_mut().zip(columns) {
+                let right = (ix + 1).min(width - 1);
+                let mix = |row: &[[f32; 3]]| {
+                    let [a, b] = [row[*ix][channel], row[right][channel]];
+                    a + fx * (b - a)
+                };
+                let above = mix(upper);
+                value[channel] = above + fy * (mix(lower) - above);
             }
         }
     });
@@ -115,12 +133,23 @@ pub(super) fn flare(frame: &mut Frame, scene: &Scene, gain: [f32; 3], strength: 
         .map(|(near, wide)| [0, 1, 2].map(|i| strength * (0.10 * near[i] + 0.12 * wide[i])))
         .collect();
     frame.pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
-        let v = ((y as f32 + 0.5) / CELL as f32 - 0.5).max(0.0);
+        let v = ((y as f32 + 0.5) / CELL as f32 - 0.5).clamp(0.0, rows as f32 - 1.0);
+        let upper = v as usize;
+        let lower = (upper + 1).min(rows - 1);
+        let share = v - upper as f32;
+        let between_rows = |column: usize| {
+            let [a, b] = [glow[upper * columns + column], glow[lower * columns + column]];
+            [0, 1, 2].map(|i| a[i] + share * (b[i] - a[i]))
+        };
+        let glow: Vec<[f32; 3]> = (0..columns).map(between_rows).collect();
         for (x, value) in row.iter_mut().enumerate() {
-            let u = ((x as f32 + 0.5) / CELL as f32 - 0.5).max(0.0);
+            let u = ((x as f32 + 0.5) / CELL as f32 - 0.5).clamp(0.0, columns as f32 - 1.0);
+            let left = u as usize;
+            let [a, b] = [glow[left], glow[(left + 1).min(columns - 1)]];
+            let share = u - left as f32;
             let veil = veil.as_ref().map_or([0.0; 3], |veil| veil.at([x as f32, y as f32]));
             for i in 0..3 {
-                value[i] += between(&glow, [columns, rows], [u, v], i) + strength * veil[i];
+                value[i] += a[i] + share * (b[i] - a[i]) + strength * veil[i];
             }
         }
     });
@@ -174,7 +203,7 @@ fn sun_veil(scene: &Scene, gain: [f32; 3], [width, height]: [usize; 2]) -> Optio
     let color = [0, 1, 2].map(|i| color[i] * gain[i].min(6.0));
     let ghost = |share: f32, radius: f32, tint: [f32; 3]| {
         let at = [0, 1].map(|i| middle[i] + share * (sun[i] - middle[i]));
-        (at, radius * size, [0, 1, 2].map(|i| 0.35 * color[i] * tint[i]))
+        (at, radius * size, [0, 1, 2].map(|i| 0.14 * color[i] * tint[i]))
     };
     let ghosts = [
         ghost(-0.35, 0.018, [0.6, 1.0, 0.7]),
@@ -187,11 +216,12 @@ fn sun_veil(scene: &Scene, gain: [f32; 3], [width, height]: [usize; 2]) -> Optio
 
 impl Veil {
     fn at(&self, [x, y]: [f32; 2]) -> [f32; 3] {
-        let distance = (x - self.sun[0]).hypot(y - self.sun[1]) / self.width;
+        let distance_to = |[u, v]: [f32; 2]| ((x - u) * (x - u) + (y - v) * (y - v)).sqrt();
+        let distance = distance_to(self.sun) / self.width;
         let share = 1.0 / (1.0 + 4.0 * distance * distance);
         let mut sum = self.color.map(|value| value * share);
         for (at, radius, color) in &self.ghosts {
-            let distance = (x - at[0]).hypot(y - at[1]) / radius;
+            let distance = distance_to(*at) / radius;
             if distance < 1.0 {
                 let edge = ((1.0 - distance) * 8.0).min(1.0) * (0.4 + 0.6 * distance);
                 for (sum, value) in sum.iter_mut().zip(color) {

@@ -27,7 +27,7 @@ pub(super) fn meter(frame: &Frame, effects: &CameraEffects) -> [f32; 3] {
         for x in (0..width).step_by(4) {
             let pixel = frame.pixels[y * width + x];
             for (sum, value) in logs.iter_mut().zip(pixel) {
-                *sum += weight * f64::from(value.max(1e-3).min(4.0)).ln();
+                *sum += weight * f64::from(value.clamp(1e-3, 4.0)).ln();
             }
             count += weight;
         }
@@ -99,7 +99,7 @@ fn normal(state: &mut u32) -> f32 {
 fn curve(effects: &CameraEffects) -> Vec<f32> {
     let step = |i: usize| {
         let root = (i as f32 + 0.5) / (TABLE as f32 - 1.0);
-        let value = root * root * TABLE_END;
+        let value = (root * root * TABLE_END - effects.black).max(0.0);
         let film = 1.0 - (-value * 1.15).exp();
         let linear = value.min(1.0);
         let value = linear + effects.shoulder * (film - linear);

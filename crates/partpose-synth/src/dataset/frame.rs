@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::rows::{self, FrameRows};
 use super::sequences::PlannedWorld;
-use super::{SynthError, SynthOptions, fragments};
+use super::{Effect, SynthError, SynthOptions, effects, fragments};
 use crate::camera::{CameraEffects, photograph};
 use crate::shading::{self, Rendered};
 use crate::world::{CameraOptions, Moment, Variation, World, hash};
@@ -20,24 +20,31 @@ use crate::world::{CameraOptions, Moment, Variation, World, hash};
 /// Depth that stands for the sky, centimetres.
 const FAR: u16 = u16::MAX;
 
+/// Which picture is meant.
+pub(super) struct Shot<'a> {
+    pub(super) id: &'a SequenceId,
+    pub(super) index: u32,
+    pub(super) variation: Variation,
+}
+
 /// Draws a frame and writes its images and then its rows.
 pub(super) fn write(
     out: &Path,
-    id: &SequenceId,
+    shot: &Shot,
     world: &World,
-    index: u32,
-    variation: Variation,
     options: &SynthOptions,
 ) -> Result<(), SynthError> {
-    let moment = world.moment(index, options.interval, variation);
+    let Shot { id, index, variation } = *shot;
+    let mut moment = world.moment(index, options.interval, variation);
+    if !options.effects.contains(&Effect::Fog) {
+        moment.scene.air.fog = 0.0;
+    }
     let rendered = shading::render(&moment.scene, &options.render);
     let file = |archive: &str| {
         out.join(archive).join(&id.world).join(&id.variation).join(format!("{index:05}.png"))
     };
-    files::write_png(
-        &file("vkitti_1.3.1_rgb"),
-        &photographed(&moment, &rendered, id, index, options),
-    )?;
+    let picture = photographed(&moment, &rendered, shot, options);
+    files::write(&file("vkitti_1.3.1_rgb"), &fast_png(&picture))?;
     files::write_png(&file("vkitti_1.3.1_scenegt"), &segments(&rendered, &moment))?;
     files::write_png(&file("parts"), &parts(&rendered))?;
     files::write(&file("vkitti_1.3.1_depthgt"), &depth_png(&rendered))?;
@@ -47,9 +54,9 @@ pub(super) fn write(
 
 /// The camera, where it is another than every reader takes for granted.
 pub(super) fn other_camera(options: &SynthOptions, planned: &[PlannedWorld]) -> Option<Camera> {
-    let camera = options.camera.camera;
-    let follows = planned.iter().any(PlannedWorld::follows_a_layout);
-    (camera != CameraOptions::default().camera && !follows).then_some(camera)
+    let of_layout = planned.iter().find_map(PlannedWorld::camera_of_layout);
+    let camera = of_layout.unwrap_or(options.camera.camera);
+    (camera != CameraOptions::default().camera).then_some(camera)
 }
 
 /// The rows of a frame: its camera, and the vehicles of which anything is seen.
@@ -75,18 +82,14 @@ pub(super) fn frame_rows(index: u32, rendered: &Rendered, moment: &Moment) -> Fr
 fn photographed(
     moment: &Moment,
     rendered: &Rendered,
-    id: &SequenceId,
-    index: u32,
+    shot: &Shot,
     options: &SynthOptions,
 ) -> RgbImage {
-    let words: Vec<i64> = id.to_string().bytes().map(i64::from).collect();
+    let words: Vec<i64> = shot.id.to_string().bytes().map(i64::from).collect();
     let seed = hash(options.seed, &words);
-    let effects = if options.effects {
-        CameraEffects::random(&mut ChaCha8Rng::seed_from_u64(seed), moment.scene.air.rain)
-    } else {
-        CameraEffects::default()
-    };
-    let seed = hash(seed, &[i64::from(index)]);
+    let camera = CameraEffects::random(&mut ChaCha8Rng::seed_from_u64(seed), moment.scene.air.rain);
+    let effects = effects::only(&options.effects, camera);
+    let seed = hash(seed, &[i64::from(shot.index)]);
     let image = photograph(&moment.scene, rendered, &effects, seed);
     RgbImage { size: [image.width(), image.height()], pixels: image.into_raw() }
 }
@@ -109,6 +112,19 @@ fn parts(rendered: &Rendered) -> RgbImage {
     }
     let pixels = rendered.parts.iter().flat_map(|part| colors[usize::from(*part)]).collect();
     RgbImage { size: rendered.size, pixels }
+}
+
+/// A picture as PNG, packed fast: the noise of its last bits cannot be packed by any effort.
+fn fast_png(picture: &RgbImage) -> Vec<u8> {
+    use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+    let mut bytes = Vec::new();
+    let encoder =
+        PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive);
+    let [width, height] = picture.size;
+    let color = image::ExtendedColorType::Rgb8;
+    let written = image::ImageEncoder::write_image(encoder, &picture.pixels, width, height, color);
+    debug_assert!(written.is_ok());
+    bytes
 }
 
 fn depth_png(rendered: &Rendered) -> Vec<u8> {

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use partpose::files::{self, FileError};
 use partpose::vehicle::{ModelZoo, to_glb};
@@ -12,6 +12,9 @@ use super::{SynthError, SynthOptions};
 
 /// Name of the record in the folder of a data set.
 pub const MANIFEST: &str = "synth.json";
+
+/// How deep files lie below the folder of a data set: archive, world, variation.
+const DEPTH: usize = 3;
 
 /// Makes the folder one's own: a new or empty one, or with `resume` one that was begun with the same options.
 pub(super) fn claim(out: &Path, options: &SynthOptions, zoo: &ModelZoo) -> Result<(), SynthError> {
@@ -24,11 +27,13 @@ pub(super) fn claim(out: &Path, options: &SynthOptions, zoo: &ModelZoo) -> Resul
         }
         let begun: Map<String, Value> = serde_json::from_slice(&files::read(&path)?)
             .map_err(|source| SynthError::Manifest { path: path.clone(), source })?;
-        return same(out, &begun, &asked);
+        same(out, &begun, &asked)?;
+        return Ok(sweep(out, DEPTH)?);
     }
     if let Some(found) = first_entry(out)? {
         return Err(SynthError::Foreign { path: out.to_owned(), found });
     }
+    sweep(out, 0)?;
     let text = serde_json::to_string_pretty(&asked).unwrap_or_default() + "\n";
     files::write(&path, text.as_bytes())?;
     Ok(())
@@ -43,6 +48,7 @@ fn describe(options: &SynthOptions, zoo: &ModelZoo) -> Map<String, Value> {
     };
     let mut scenes: Vec<String> = options.scenes.iter().map(ToString::to_string).collect();
     let mut variations: Vec<String> = options.variations.iter().map(ToString::to_string).collect();
+    let mut effects: Vec<String> = options.effects.iter().map(ToString::to_string).collect();
     let models: Vec<Value> = zoo
         .models
         .iter()
@@ -62,9 +68,8 @@ fn describe(options: &SynthOptions, zoo: &ModelZoo) -> Map<String, Value> {
         ("camera_pitch", json!(camera.pitch)),
         ("camera_roll", json!(camera.roll)),
         ("camera_spread", json!(camera.spread)),
-        ("effects", json!(options.effects)),
-        ("anti_aliasing", json!(options.render.anti_aliasing)),
-        ("shadows", json!(options.render.shadows)),
+        ("effects", json!(names(&mut effects))),
+        ("render", json!(format!("{:?}", options.render))),
         ("layout", json!(options.layout.as_ref().map(|path| path.display().to_string()))),
         ("models", Value::Array(models)),
     ];
@@ -78,28 +83,51 @@ fn same(
 ) -> Result<(), SynthError> {
     let missing = Value::Null;
     for (field, value) in asked {
-        let before = begun.get(field).unwrap_or(&missing);
         // Through text, since a number may come back as another kind of number.
-        if before.to_string() != value.to_string() {
-            return Err(SynthError::OtherOptions {
-                path: out.to_owned(),
-                field: field.clone(),
-                begun: before.to_string(),
-                asked: value.to_string(),
-            });
+        let [begun, asked] = [begun.get(field).unwrap_or(&missing), value].map(ToString::to_string);
+        if begun != asked {
+            let (path, field) = (out.to_owned(), field.clone());
+            return Err(SynthError::OtherOptions { path, field, begun, asked });
         }
     }
     Ok(())
 }
 
-/// The first name in a folder, sorted.
+/// The first name in a folder, sorted; unfinished files of a run that was cut off do not count.
 fn first_entry(folder: &Path) -> Result<Option<String>, FileError> {
-    let failed = |source: io::Error| FileError::read(folder, source);
-    let mut names = Vec::new();
-    for entry in fs::read_dir(folder).map_err(failed)? {
-        names.push(entry.map_err(failed)?.file_name().to_string_lossy().into_owned());
+    let names = entries(folder)?.into_iter().filter_map(|path| name_of(&path));
+    Ok(names.filter(|name| !is_unfinished(name)).min())
+}
+
+/// Removes the unfinished files that a killed run leaves, in a folder and `depth` levels below.
+fn sweep(folder: &Path, depth: usize) -> Result<(), FileError> {
+    for path in entries(folder)? {
+        if path.is_dir() {
+            if depth > 0 {
+                sweep(&path, depth - 1)?;
+            }
+        } else if name_of(&path).is_some_and(|name| is_unfinished(&name)) {
+            fs::remove_file(&path).map_err(|source| FileError::write(&path, source))?;
+        }
     }
-    Ok(names.into_iter().min())
+    Ok(())
+}
+
+fn entries(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
+    let failed = |source: io::Error| FileError::read(folder, source);
+    let entries = fs::read_dir(folder).map_err(failed)?;
+    entries.map(|entry| Ok(entry.map_err(failed)?.path())).collect()
+}
+
+fn name_of(path: &Path) -> Option<String> {
+    Some(path.file_name()?.to_string_lossy().into_owned())
+}
+
+/// Whether a name is one that `files` gives to what it has not finished.
+fn is_unfinished(name: &str) -> bool {
+    name.strip_prefix(".tmp").is_some_and(|rest| {
+        rest.len() == 6 && rest.bytes().all(|byte| byte.is_ascii_alphanumeric())
+    })
 }
 
 /// FNV-1a, enough to notice that models are others.

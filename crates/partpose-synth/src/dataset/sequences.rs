@@ -1,11 +1,16 @@
 //! Which worlds a data set has.
 
+use std::path::Path;
 use std::sync::Arc;
 
-use partpose::dataset::Dataset;
+use partpose::dataset::{Dataset, SequenceId};
+use partpose::geometry::Camera;
 
 use super::{SynthError, SynthOptions};
 use crate::world::{Fleet, Layout, SceneKind, Variation, World, WorldOptions};
+
+/// Time between two frames of a data set whose layout is followed, seconds.
+const LAYOUT_INTERVAL: f64 = 0.1;
 
 /// A world and the frames and variations in which it is drawn.
 pub(super) struct PlannedWorld {
@@ -39,16 +44,17 @@ pub(super) fn plan(options: &SynthOptions) -> Result<Vec<PlannedWorld>, SynthErr
 }
 
 /// The clone of every world of a data set, as many frames as asked for, in the variations asked for.
-fn from_layout(
-    path: &std::path::Path,
-    options: &SynthOptions,
-) -> Result<Vec<PlannedWorld>, SynthError> {
+fn from_layout(path: &Path, options: &SynthOptions) -> Result<Vec<PlannedWorld>, SynthError> {
     let dataset = Dataset::open(path)?;
     let mut planned = Vec::new();
     for id in dataset.sequences().iter().filter(|id| id.variation == "clone") {
         let layout = Layout::read(&dataset, id)?;
-        let mut frames = layout.frame_indices();
-        frames.truncate(options.frames as usize);
+        let all = layout.frame_indices();
+        let mut frames: Vec<u32> = (0..options.frames)
+            .map(|i| (f64::from(i) * options.interval / LAYOUT_INTERVAL).round() as usize)
+            .map_while(|at| all.get(at).copied())
+            .collect();
+        frames.dedup();
         planned.push(PlannedWorld {
             name: id.world.clone(),
             frames,
@@ -72,6 +78,16 @@ fn sorted(variations: &[Variation]) -> Vec<Variation> {
 }
 
 impl PlannedWorld {
+    /// How many images there will be.
+    pub(super) fn images(&self) -> usize {
+        self.frames.len() * self.variations.len()
+    }
+
+    /// The sequence of a variation.
+    pub(super) fn sequence(&self, variation: Variation) -> SequenceId {
+        SequenceId { world: self.name.clone(), variation: variation.name().to_owned() }
+    }
+
     /// Makes the world.
     pub(super) fn world(&self, options: &SynthOptions, fleet: &Arc<Fleet>) -> World {
         match &self.source {
@@ -91,8 +107,11 @@ impl PlannedWorld {
         }
     }
 
-    /// Whether the camera is that of the layout, whatever the options say.
-    pub(super) fn follows_a_layout(&self) -> bool {
-        matches!(self.source, Source::Layout(_))
+    /// The camera, where it is that of a layout, whatever the options say.
+    pub(super) fn camera_of_layout(&self) -> Option<Camera> {
+        match &self.source {
+            Source::Random { .. } => None,
+            Source::Layout(layout) => Some(layout.camera()),
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use partpose::dataset::{Dataset, Frame};
+use partpose::dataset::Dataset;
 use partpose::files::{self, RgbImage};
 
 use super::SynthError;
@@ -10,11 +10,14 @@ use super::SynthError;
 /// Width of one picture on a sheet, pixels.
 const WIDTH: usize = 480;
 /// Pictures beside each other.
-const COLUMNS: usize = 3;
+const COLUMNS: usize = 2;
 /// Space between them, pixels.
 const GAP: usize = 4;
+/// Quality of the files: pictures of noise and leaves are several times larger without loss.
+const QUALITY: u8 = 85;
 
-/// Draws the middle frame of every sequence of a data set; gives the two files, `NAME-rgb.png` and `NAME-parts.png`.
+/// Draws the middle frame of every sequence of a data set, by world and variation; gives the two files,
+/// `NAME-rgb.jpg` and `NAME-parts.jpg`.
 pub fn contact_sheets(dataset: &Path, name: &Path) -> Result<[PathBuf; 2], SynthError> {
     let dataset = Dataset::open(dataset)?;
     let mut pictures = Vec::new();
@@ -22,22 +25,26 @@ pub fn contact_sheets(dataset: &Path, name: &Path) -> Result<[PathBuf; 2], Synth
     for id in dataset.sequences() {
         let frames = dataset.frames(id)?;
         let Some(frame) = frames.get(frames.len() / 2) else { continue };
-        let Some(path) = &frame.image else { continue };
-        let picture = files::read_rgb(path)?;
-        labelled.push(small(&with_parts(&picture, frame)?));
+        let (Some(image), Some(parts)) = (&frame.image, &frame.parts) else { continue };
+        let picture = files::read_rgb(image)?;
+        let mask = files::read_rgb(parts)?;
+        labelled.push(small(&with_parts(&picture, &mask)));
         pictures.push(small(&picture));
     }
-    let stem = name.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    if pictures.is_empty() {
+        let path = dataset.root().to_owned();
+        return Err(SynthError::NotSynthetic { path, missing: "images with part masks" });
+    }
+    let stem = name.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let [rgb, parts] =
-        ["rgb", "parts"].map(|kind| name.with_file_name(format!("{stem}-{kind}.png")));
-    files::write_png(&rgb, &sheet(&pictures))?;
-    files::write_png(&parts, &sheet(&labelled))?;
+        ["rgb", "parts"].map(|kind| name.with_file_name(format!("{stem}-{kind}.jpg")));
+    files::write(&rgb, &jpeg(&sheet(&pictures)))?;
+    files::write(&parts, &jpeg(&sheet(&labelled)))?;
     Ok([rgb, parts])
 }
 
 /// The picture in grey with its part labels in colour.
-fn with_parts(picture: &RgbImage, frame: &Frame) -> Result<RgbImage, SynthError> {
-    let mask = files::read_rgb(frame.parts.as_deref().unwrap_or(Path::new("")))?;
+fn with_parts(picture: &RgbImage, mask: &RgbImage) -> RgbImage {
     let mut mixed = picture.clone();
     for (pixel, part) in mixed.pixels.chunks_exact_mut(3).zip(mask.pixels.chunks_exact(3)) {
         let grey = (u32::from(pixel[0]) * 3 + u32::from(pixel[1]) * 6 + u32::from(pixel[2])) / 10;
@@ -47,7 +54,7 @@ fn with_parts(picture: &RgbImage, frame: &Frame) -> Result<RgbImage, SynthError>
                 if seen { ((u32::from(*part) * 4 + grey) / 5) as u8 } else { (grey * 2 / 3) as u8 };
         }
     }
-    Ok(mixed)
+    mixed
 }
 
 /// The picture scaled to [`WIDTH`], every pixel the mean of those it covers.
@@ -92,4 +99,14 @@ fn sheet(pictures: &[RgbImage]) -> RgbImage {
         }
     }
     RgbImage { size: size.map(|side| side as u32), pixels }
+}
+
+fn jpeg(image: &RgbImage) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, QUALITY);
+    let [width, height] = image.size;
+    // Writing to memory fails for none but sizes beyond 65,535, which no sheet has.
+    let written = encoder.encode(&image.pixels, width, height, image::ExtendedColorType::Rgb8);
+    debug_assert!(written.is_ok());
+    bytes
 }

@@ -1,24 +1,30 @@
-//! How a data set is distributed: class shares, distances, occlusion, truncation.
+//! How a data set is distributed: shares of parts, distances, occlusion, truncation, directions of view.
 
-use std::fmt::Write;
+mod table;
 
-use partpose::dataset::{Dataset, DatasetError, Frame};
+use std::collections::BTreeSet;
+
+use partpose::dataset::{Dataset, DatasetError, Frame, SequenceId};
 use partpose::parts::PartClass;
 use rayon::prelude::*;
 
-/// Upper ends of the ranges of distances, metres.
-const DISTANCES: [f64; 7] = [5.0, 10.0, 20.0, 30.0, 45.0, 70.0, f64::INFINITY];
-/// Upper ends of the ranges of the ratios.
-const RATIOS: [f64; 5] = [0.2, 0.4, 0.6, 0.8, f64::INFINITY];
+pub use table::statistics_table;
 
-/// Counts over a data set.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// Upper ends of the ranges of distances, metres.
+const DISTANCES: [f64; 6] = [5.0, 10.0, 20.0, 30.0, 45.0, 70.0];
+/// Upper ends of the ranges of the ratios.
+const RATIOS: [f64; 4] = [0.2, 0.4, 0.6, 0.8];
+
+/// Counts over a data set; rows are those of cars, since other vehicles bear no parts in Virtual KITTI's masks.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
     /// Frames.
     pub frames: usize,
-    /// Rows of vehicles.
+    /// Rows of vehicles that are no cars.
+    pub others: usize,
+    /// Rows of cars.
     pub rows: usize,
-    /// Rows that are to be judged.
+    /// Those of them that are to be judged.
     pub counted: usize,
     /// Pixels of every part, by its id; the first is background.
     pub pixels: [u64; 30],
@@ -28,17 +34,47 @@ pub struct Statistics {
     pub occupancy: [usize; 5],
     /// Rows without truncation, then by truncation in fifths.
     pub truncation: [usize; 6],
-    /// Rows by direction of view, in eighths of a turn from alpha = -pi.
+    /// Rows by the observation angle alpha, in eighths of a turn from -pi.
     pub alpha: [usize; 8],
 }
 
 /// Counts a data set; part masks are read.
 pub fn statistics(dataset: &Dataset) -> Result<Statistics, DatasetError> {
+    count(dataset, &BTreeSet::new())
+}
+
+/// Counts two data sets. Where they have frames of the same sequence and number, as one made by the other's layout
+/// has, only those are counted.
+pub fn statistics_beside(
+    dataset: &Dataset,
+    other: &Dataset,
+) -> Result<[Statistics; 2], DatasetError> {
+    let (own, others) = (frames_of(dataset)?, frames_of(other)?);
+    let common: BTreeSet<_> = own.intersection(&others).cloned().collect();
+    Ok([count(dataset, &common)?, count(other, &common)?])
+}
+
+fn frames_of(dataset: &Dataset) -> Result<BTreeSet<(SequenceId, u32)>, DatasetError> {
+    let mut found = BTreeSet::new();
+    for id in dataset.sequences() {
+        found.extend(dataset.frames(id)?.iter().map(|frame| (id.clone(), frame.index)));
+    }
+    Ok(found)
+}
+
+/// Counts the frames named, or all of them where none is.
+fn count(
+    dataset: &Dataset,
+    only: &BTreeSet<(SequenceId, u32)>,
+) -> Result<Statistics, DatasetError> {
     let mut total = Statistics::default();
     for id in dataset.sequences() {
-        let frames = dataset.frames(id)?;
-        let counted =
-            frames.par_iter().map(frame).try_reduce(Statistics::default, |a, b| Ok(a.plus(&b)))?;
+        let mut frames = dataset.frames(id)?;
+        frames.retain(|frame| only.is_empty() || only.contains(&(id.clone(), frame.index)));
+        let counted = frames
+            .par_iter()
+            .map(of_frame)
+            .try_reduce(Statistics::default, |a, b| Ok(a.plus(&b)))?;
         total = total.plus(&counted);
     }
     Ok(total)
@@ -50,6 +86,7 @@ impl Statistics {
             to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
         }
         self.frames += other.frames;
+        self.others += other.others;
         self.rows += other.rows;
         self.counted += other.counted;
         self.pixels.iter_mut().zip(&other.pixels).for_each(|(to, from)| *to += from);
@@ -60,14 +97,18 @@ impl Statistics {
         self
     }
 
+    /// Pixels that show a part.
+    pub fn part_pixels(&self) -> u64 {
+        self.pixels[1..].iter().sum()
+    }
+
     /// Share of a part among all pixels that show a part.
     pub fn share(&self, part: PartClass) -> f64 {
-        let all: u64 = self.pixels[1..].iter().sum();
-        self.pixels[usize::from(part.id())] as f64 / all.max(1) as f64
+        self.pixels[usize::from(part.id())] as f64 / self.part_pixels().max(1) as f64
     }
 }
 
-fn frame(frame: &Frame) -> Result<Statistics, DatasetError> {
+fn of_frame(frame: &Frame) -> Result<Statistics, DatasetError> {
     let mut found = Statistics { frames: 1, ..Statistics::default() };
     if frame.parts.is_some() {
         for label in &frame.read_parts()?.labels {
@@ -75,16 +116,17 @@ fn frame(frame: &Frame) -> Result<Statistics, DatasetError> {
         }
     }
     for vehicle in &frame.vehicles {
+        if vehicle.category != "Car" {
+            found.others += 1;
+            continue;
+        }
         found.rows += 1;
         found.counted += usize::from(!vehicle.dont_care);
         let at = vehicle.cuboid.camera_from_vehicle.translation.vector;
-        let range =
-            |limits: &[f64], value: f64| limits.iter().take_while(|limit| value >= **limit).count();
-        found.distances[range(&DISTANCES, at.norm()).min(6)] += 1;
-        found.occupancy[range(&RATIOS, vehicle.occupancy.unwrap_or(0.0)).min(4)] += 1;
-        let truncation = vehicle.truncation;
-        let bin = if truncation > 0.0 { 1 + range(&RATIOS, truncation).min(4) } else { 0 };
-        found.truncation[bin] += 1;
+        found.distances[range(&DISTANCES, at.norm())] += 1;
+        found.occupancy[range(&RATIOS, vehicle.occupancy.unwrap_or(0.0))] += 1;
+        let cut = vehicle.truncation;
+        found.truncation[if cut > 0.0 { 1 + range(&RATIOS, cut) } else { 0 }] += 1;
         let ahead = vehicle.cuboid.camera_from_vehicle.rotation * nalgebra::Vector3::z();
         // The yaw of the data set is 0 for a vehicle that faces right.
         let ry = ahead.x.atan2(ahead.z) - std::f64::consts::FRAC_PI_2;
@@ -95,60 +137,7 @@ fn frame(frame: &Frame) -> Result<Statistics, DatasetError> {
     Ok(found)
 }
 
-/// The figures of one data set, or of two beside each other, as a text table.
-pub fn statistics_table(sets: &[(&str, &Statistics)]) -> String {
-    let mut text = String::new();
-    let mut line = |name: &str, cells: Vec<String>| {
-        let _ = write!(text, "{name:<24}");
-        for cell in cells {
-            let _ = write!(text, "{cell:>14}");
-        }
-        text.push('\n');
-    };
-    let ratio = |values: Vec<f64>| -> Vec<String> {
-        let mut cells: Vec<String> =
-            values.iter().map(|value| format!("{:.2} %", 100.0 * value)).collect();
-        if let [a, b] = values[..] {
-            cells.push(if b > 0.0 { format!("{:.2}", a / b) } else { "-".to_owned() });
-        }
-        cells
-    };
-    let mut header: Vec<String> = sets.iter().map(|(name, _)| (*name).to_owned()).collect();
-    if sets.len() == 2 {
-        header.push("ratio".to_owned());
-    }
-    line("", header);
-    let count =
-        |of: fn(&Statistics) -> usize| sets.iter().map(|(_, set)| of(set).to_string()).collect();
-    line("frames", count(|set| set.frames));
-    line("rows", count(|set| set.rows));
-    line("rows that count", count(|set| set.counted));
-    line(
-        "vehicle pixels",
-        sets.iter().map(|(_, set)| set.pixels[1..].iter().sum::<u64>().to_string()).collect(),
-    );
-    for part in PartClass::ALL {
-        let name = format!("{} {}", part.id(), part.name());
-        line(&name, ratio(sets.iter().map(|(_, set)| set.share(part)).collect()));
-    }
-    let mut bins = |title: &str, names: &[&str], of: fn(&Statistics) -> Vec<usize>| {
-        for (i, name) in names.iter().enumerate() {
-            let share = |set: &Statistics| of(set)[i] as f64 / set.rows.max(1) as f64;
-            line(
-                &format!("{title} {name}"),
-                ratio(sets.iter().map(|(_, set)| share(set)).collect()),
-            );
-        }
-    };
-    bins("distance m", &["0-5", "5-10", "10-20", "20-30", "30-45", "45-70", "70-"], |set| {
-        set.distances.to_vec()
-    });
-    let fifths = ["0.0-0.2", "0.2-0.4", "0.4-0.6", "0.6-0.8", "0.8-1.0"];
-    bins("occupancy", &fifths, |set| set.occupancy.to_vec());
-    let cut = ["0", "0.0-0.2", "0.2-0.4", "0.4-0.6", "0.6-0.8", "0.8-1.0"];
-    bins("truncation", &cut, |set| set.truncation.to_vec());
-    let turns =
-        ["-180..-135", "-135..-90", "-90..-45", "-45..0", "0..45", "45..90", "90..135", "135..180"];
-    bins("alpha deg", &turns, |set| set.alpha.to_vec());
-    text
+/// The number of the range of a value.
+fn range(ends: &[f64], value: f64) -> usize {
+    ends.iter().take_while(|end| value >= **end).count()
 }

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::scene::SegmentClass;
 
+use super::noise::floor;
 use super::visible::Seen;
 
 type V = Vector3<f32>;
@@ -29,8 +30,48 @@ pub(super) struct Block {
     reach: f32,
 }
 
+/// Vehicles by where they stand.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Blocks {
+    blocks: Vec<Block>,
+    /// Which of them reach into each cell of a grid around the camera; empty where there are none at all.
+    cells: Vec<Vec<u16>>,
+}
+
+/// Side of a cell, metres, and cells from the camera to the border of the grid.
+const CELL: f32 = 6.0;
+const CELLS: i32 = 24;
+
+impl Blocks {
+    fn new(blocks: Vec<Block>) -> Self {
+        let mut cells =
+            vec![Vec::new(); if blocks.is_empty() { 0 } else { (4 * CELLS * CELLS) as usize }];
+        for (i, block) in blocks.iter().enumerate() {
+            let range = |at: f32| {
+                let cell = |at: f32| (floor(at / CELL) + CELLS).clamp(0, 2 * CELLS - 1);
+                cell(at - block.reach)..=cell(at + block.reach)
+            };
+            for z in range(block.origin.z) {
+                for x in range(block.origin.x) {
+                    cells[(z * 2 * CELLS + x) as usize].push(i as u16);
+                }
+            }
+        }
+        Self { blocks, cells }
+    }
+
+    /// The vehicles that may shade a place.
+    fn near(&self, place: &V) -> impl Iterator<Item = &Block> {
+        let cell = |at: f32| floor(at / CELL) + CELLS;
+        let [x, z] = [cell(place.x), cell(place.z)];
+        let is_in = (0..2 * CELLS).contains(&x) && (0..2 * CELLS).contains(&z);
+        let list = if is_in { self.cells.get((z * 2 * CELLS + x) as usize) } else { None };
+        list.into_iter().flatten().filter_map(|i| self.blocks.get(usize::from(*i)))
+    }
+}
+
 /// The vehicles among what is seen.
-pub(super) fn blocks(seen: &[Seen], world_from_camera: &Matrix3<f32>) -> Vec<Block> {
+pub(super) fn blocks(seen: &[Seen], world_from_camera: &Matrix3<f32>) -> Blocks {
     let is_vehicle =
         |class| matches!(class, SegmentClass::Car | SegmentClass::Van | SegmentClass::Truck);
     let block = |seen: &Seen| {
@@ -52,13 +93,13 @@ pub(super) fn blocks(seen: &[Seen], world_from_camera: &Matrix3<f32>) -> Vec<Blo
         let reach = half[0].hypot(half[1]) + REACH;
         Some(Block { axes, origin, half, height: size.y, reach })
     };
-    seen.iter().filter_map(block).collect()
+    Blocks::new(seen.iter().filter_map(block).collect())
 }
 
 /// Share of the sky that vehicles leave open above a place on the road.
-pub(super) fn openness(blocks: &[Block], place: &V) -> f32 {
+pub(super) fn openness(blocks: &Blocks, place: &V) -> f32 {
     let mut open = 1.0;
-    for block in blocks {
+    for block in blocks.near(place) {
         let offset = place - block.origin;
         if offset.x.abs() > block.reach || offset.z.abs() > block.reach {
             continue;
@@ -85,7 +126,7 @@ pub(super) fn openness(blocks: &[Block], place: &V) -> f32 {
 /// Share of the cosine-weighted hemisphere that a rectangle at a height covers.
 fn rectangle([x, z]: [f32; 2], [half_x, half_z]: [f32; 2], height: f32) -> f32 {
     let corner = |a: f32, b: f32| {
-        let [ra, rb] = [a.hypot(height), b.hypot(height)];
+        let [ra, rb] = [a, b].map(|side| (side * side + height * height).sqrt());
         (a / ra * arc_tangent(b / ra) + b / rb * arc_tangent(a / rb)) * (0.5 / std::f32::consts::PI)
     };
     let [x0, x1, z0, z1] = [-half_x - x, half_x - x, -half_z - z, half_z - z];

@@ -29,11 +29,12 @@ pub(super) fn draw(
     triangles: &Triangles,
     visibility: &Visibility,
 ) -> Labels {
-    let labelled: Vec<(&Object, Arc<Mesh>)> = seen
+    let mut labelled: Vec<(&Object, Arc<Mesh>)> = seen
         .iter()
         .filter(|seen| seen.object.has_parts)
         .map(|seen| (seen.object, label_mesh(seen.object)))
         .collect();
+    labelled.sort_by_key(|(object, _)| object.instance);
     let camera_from_world = scene.world_from_camera.inverse();
     let instances: Vec<Instance> = labelled
         .iter()

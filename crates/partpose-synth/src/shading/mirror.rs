@@ -2,7 +2,7 @@
 //!
 //! From every wet pixel of the ground the mirrored ray is followed through the picture's own depths until it passes
 //! behind something; what is seen there takes the place of the surroundings that the surface mirrored at first
-//! (McGuire and Mara: *Efficient GPU Screen-Space Ray Tracing*, JCGT 2014, without its thickness of surfaces). What the
+//! (`McGuire` and Mara: *Efficient GPU Screen-Space Ray Tracing*, JCGT 2014, without its thickness of surfaces). What the
 //! picture does not show cannot be mirrored.
 
 use nalgebra::{Matrix3, Vector3};

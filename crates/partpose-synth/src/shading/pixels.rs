@@ -8,6 +8,8 @@ use nalgebra::Vector3;
 use partpose::geometry::Camera;
 use rayon::prelude::*;
 
+use crate::scene::SegmentClass;
+
 use super::raster::{NOTHING, Visibility};
 use super::surface::{Lighting, Spot};
 use super::visible::{Seen, Triangle, Triangles};
@@ -67,6 +69,7 @@ pub(super) fn wet(
         let share = triangles
             .opaque
             .get(visibility.ids[sample] as usize)
+            .filter(|triangle| is_ground(&seen[triangle.seen as usize]))
             .and_then(|triangle| {
                 let ray = view.ray([x as f32, y as f32]);
                 Spot::new(lighting, &seen[triangle.seen as usize], triangle.face, &ray)
@@ -76,6 +79,10 @@ pub(super) fn wet(
     };
     let count = visibility.ids.len() / (visibility.rate * visibility.rate);
     (0..count).into_par_iter().map(pixel).unzip()
+}
+
+fn is_ground(seen: &Seen) -> bool {
+    matches!(seen.object.class, SegmentClass::Road | SegmentClass::Terrain)
 }
 
 struct View<'a> {
@@ -150,7 +157,7 @@ impl View<'_> {
                 return [NOTHING; 2];
             }
             let triangle = &list[id as usize];
-            let mesh = &self.seen[triangle.seen as usize].object.mesh;
+            let mesh = self.seen[triangle.seen as usize].mesh;
             let slot = mesh.materials.get(triangle.face as usize).copied().unwrap_or(0);
             [triangle.seen, u32::from(slot)]
         };

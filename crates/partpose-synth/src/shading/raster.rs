@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::scene::Texture;
 
-use super::texture;
+use super::leaves;
 use super::visible::{STEPS, Seen, Triangle, Triangles, material_of};
 
 /// Sample rows a band.
@@ -91,8 +91,7 @@ pub(super) fn draw(
                         let ids = &mut ids[span.from..span.to];
                         for (k, (depth, old)) in depths.iter_mut().zip(ids).enumerate() {
                             let value = span.at(k);
-                            if value > *depth
-                                && holes.is_none_or(|holes| holes.is_there(span, k, value))
+                            if value > *depth && holes.is_none_or(|holes| holes.is_there(k, value))
                             {
                                 *depth = value;
                                 *old = *id;
@@ -109,21 +108,7 @@ pub(super) fn draw(
                 *depth = depths[sample];
             }
             draw(&opaque[i][split..], ids, depths);
-            let mut nearest = vec![0.0; if glass[i].is_empty() { 0 } else { ids.len() }];
-            for id in &glass[i] {
-                band.draw(&triangles.glass[*id as usize], |span, _| {
-                    for at in span.from..span.to {
-                        let value = span.at(at - span.from);
-                        if value > depths[at] {
-                            panes[at] = panes[at].saturating_add(1);
-                            if value > nearest[at] {
-                                nearest[at] = value;
-                                glass_ids[at] = *id;
-                            }
-                        }
-                    }
-                });
-            }
+            band.panes(&triangles.glass, &glass[i], depths, (glass_ids, panes));
         },
     );
     all
@@ -160,7 +145,7 @@ struct Band<'a> {
 impl Band<'_> {
     /// Calls `set` with the covered samples of every row.
     #[inline]
-    fn draw(&self, triangle: &Triangle, mut set: impl FnMut(&Span, Option<&Holes>)) {
+    fn draw(&self, triangle: &Triangle, mut set: impl FnMut(&Span, Option<&HolesRow>)) {
         let mut corners = [0, 1, 2];
         let delta = |v: &[i32; 3], from: usize, to: usize| i64::from(v[to]) - i64::from(v[from]);
         let [x, y] = [&triangle.x, &triangle.y];
@@ -202,14 +187,13 @@ impl Band<'_> {
                     (plane, self.holes(triangle, corners, area))
                 });
                 let columns = [from * step, row_steps];
+                let holes = holes.as_ref().map(|holes| holes.row(columns, step));
                 let span = Span {
                     from: at + from as usize,
                     to: at + to as usize + 1,
                     start: plane.unlimited(columns) as f32,
                     slope: (plane.slope[0] * step as f64) as f32,
                     range: plane.range.map(|value| value as f32),
-                    place: columns,
-                    step,
                 };
                 set(&span, holes.as_ref());
             }
@@ -219,10 +203,35 @@ impl Band<'_> {
         }
     }
 
+    /// Notes the nearest pane before each sample and how many there are.
+    fn panes(
+        &self,
+        triangles: &[Triangle],
+        list: &[u32],
+        depths: &[f32],
+        (ids, panes): (&mut [u32], &mut [u8]),
+    ) {
+        let mut nearest = vec![0.0; if list.is_empty() { 0 } else { ids.len() }];
+        for id in list {
+            self.draw(&triangles[*id as usize], |span, _| {
+                for at in span.from..span.to {
+                    let value = span.at(at - span.from);
+                    if value > depths[at] {
+                        panes[at] = panes[at].saturating_add(1);
+                        if value > nearest[at] {
+                            nearest[at] = value;
+                            ids[at] = *id;
+                        }
+                    }
+                }
+            });
+        }
+    }
+
     fn holes(&self, triangle: &Triangle, corners: [usize; 3], area: i64) -> Option<Holes> {
         let coordinates = self.coordinates.get(triangle.holes as usize)?;
-        let object = self.seen[triangle.seen as usize].object;
-        let Texture::Leaves { cover, size } = material_of(object, triangle.face).texture else {
+        let seen = &self.seen[triangle.seen as usize];
+        let Texture::Leaves { cover, size } = material_of(seen, triangle.face).texture else {
             return None;
         };
         let value = |axis: usize| {
@@ -314,9 +323,6 @@ struct Span {
     start: f32,
     slope: f32,
     range: [f32; 2],
-    /// The first sample in steps, and how many lie between samples.
-    place: [i64; 2],
-    step: i64,
 }
 
 impl Span {
@@ -334,10 +340,29 @@ struct Holes {
 }
 
 impl Holes {
-    fn is_there(&self, span: &Span, k: usize, inverse_depth: f32) -> bool {
-        let place = [span.place[0] + k as i64 * span.step, span.place[1]];
-        let depth = f64::from(1.0 / inverse_depth);
-        let [u, v] = [0, 1].map(|i| (self.planes[i].unlimited(place) * depth) as f32);
-        texture::is_leaf(u, v, self.cover, self.size)
+    fn row(&self, place: [i64; 2], step: i64) -> HolesRow {
+        HolesRow {
+            start: [0, 1].map(|i| self.planes[i].unlimited(place) as f32),
+            slope: [0, 1].map(|i| (self.planes[i].slope[0] * step as f64) as f32),
+            cover: self.cover,
+            size: self.size,
+        }
+    }
+}
+
+/// The same along a row of samples.
+struct HolesRow {
+    start: [f32; 2],
+    slope: [f32; 2],
+    cover: f32,
+    size: f32,
+}
+
+impl HolesRow {
+    #[inline]
+    fn is_there(&self, k: usize, inverse_depth: f32) -> bool {
+        let depth = 1.0 / inverse_depth;
+        let [u, v] = [0, 1].map(|i| (self.start[i] + self.slope[i] * k as f32) * depth);
+        leaves::is_leaf(u, v, self.cover, self.size)
     }
 }

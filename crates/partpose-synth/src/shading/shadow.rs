@@ -1,6 +1,6 @@
 //! Which places the sun reaches.
 //!
-//! Depth maps seen from the sun, finer near the camera: the cascades of Engel (*Cascaded Shadow Maps*, ShaderX5, 2006),
+//! Depth maps seen from the sun, finer near the camera: the cascades of Engel (*Cascaded Shadow Maps*, `ShaderX5`, 2006),
 //! each a square around a slice of what the camera sees. Between texels shares are mixed (Reeves, Salesin and Cook:
 //! *Rendering Antialiased Shadows with Depth Maps*, SIGGRAPH 1987).
 
@@ -11,8 +11,9 @@ use rayon::prelude::*;
 use crate::scene::{Object, Scene, SegmentClass, Texture};
 
 use super::depth_map::DepthMap;
-use super::texture;
-use super::visible::{Bounds, is_glass, material_of};
+use super::leaves;
+use super::noise::{ceil, floor};
+use super::visible::{Bounds, is_glass};
 
 type V = Vector3<f32>;
 
@@ -162,7 +163,9 @@ fn slice_corners(camera: &Camera, near: f32, far: f32) -> [V; 8] {
 /// An object in the sun's axes.
 struct Placed<'a> {
     object: &'a Object,
-    positions: Vec<V>,
+    /// Takes places in its frame to the sun's axes.
+    matrix: Matrix3<f32>,
+    offset: V,
     center: [f32; 2],
     radius: f32,
 }
@@ -193,27 +196,30 @@ fn place<'a>(
     let center = [middle.x, middle.y];
     let radius = radius * object.scale.abs().max() as f32;
     let is_near = squares.iter().any(|(low, side, _)| touches(center, radius, *low, *side));
-    is_near.then(|| Placed {
-        object,
-        positions: object.mesh.vertices.iter().map(|p| matrix * p.coords + offset).collect(),
-        center,
-        radius,
-    })
+    is_near.then_some(Placed { object, matrix, offset, center, radius })
 }
 
 fn draw_object(map: &mut DepthMap, placed: &Placed, low: [f32; 2], scale: f32) {
-    let mesh = &placed.object.mesh;
-    let texel = |p: &V| V::new((p.x - low[0]) * scale, (p.y - low[1]) * scale, p.z);
+    let is_far = scale < COARSE;
+    let mesh = match &placed.object.mesh.coarse {
+        Some(coarse) if is_far => coarse,
+        _ => &placed.object.mesh,
+    };
+    let vertices = mesh.vertices.iter();
+    let positions: Vec<V> = vertices
+        .map(|p| {
+            let p = placed.matrix * p.coords + placed.offset;
+            V::new((p.x - low[0]) * scale, (p.y - low[1]) * scale, p.z)
+        })
+        .collect();
     for (i, face) in mesh.faces.iter().enumerate() {
-        let [Some(a), Some(b), Some(c)] = face.map(|vertex| placed.positions.get(vertex as usize))
-        else {
+        let [Some(a), Some(b), Some(c)] = face.map(|vertex| positions.get(vertex as usize)) else {
             continue;
         };
-        let corners = [texel(a), texel(b), texel(c)];
-        let [a, b, c] = &corners;
+        let corners = [*a, *b, *c];
         let [low, high] = [a.inf(b).inf(c), a.sup(b).sup(c)];
         let misses = |low: f32, high: f32| {
-            (low - 0.5).ceil() > (high - 0.5).floor() || high < 0.0 || low > map.size[0] as f32
+            ceil(low - 0.5) > floor(high - 0.5) || high < 0.0 || low > map.size[0] as f32
         };
         if misses(low.x, high.x) || misses(low.y, high.y) {
             continue;
@@ -221,22 +227,19 @@ fn draw_object(map: &mut DepthMap, placed: &Placed, low: [f32; 2], scale: f32) {
         if placed.object.has_parts {
             // Of a far body the side away from the sun does; near, light falls in through the windows, and both count.
             let area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
-            let is_coarse = scale < COARSE && area >= 0.0;
-            if is_coarse || mesh.parts.get(i).is_none_or(|part| *part == 0) {
+            if (is_far && area >= 0.0) || mesh.parts.get(i).is_none_or(|part| *part == 0) {
                 continue;
             }
         }
-        let material = material_of(placed.object, i as u32);
+        let slot = mesh.materials.get(i).copied().unwrap_or(0);
+        let Some(material) = placed.object.materials.get(usize::from(slot)) else { continue };
         if is_glass(material) {
             continue;
         }
         if let Texture::Leaves { cover, size } = material.texture {
-            let [ca, cb, cc] = face
+            let coordinates = face
                 .map(|vertex| mesh.coordinates.get(vertex as usize).copied().unwrap_or_default());
-            map.draw_where(corners, |[wb, wc]| {
-                let mix = |i: usize| ca[i] + wb * (cb[i] - ca[i]) + wc * (cc[i] - ca[i]);
-                texture::is_leaf(mix(0), mix(1), cover, size)
-            });
+            map.draw_where(corners, coordinates, |[u, v]| leaves::is_leaf(u, v, cover, size));
         } else {
             map.draw(corners);
         }

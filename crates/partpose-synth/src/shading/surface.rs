@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::scene::{Air, Material, SegmentClass, Texture};
 
-use super::contact::{self, Block};
+use super::contact::{self, Blocks};
 use super::environment::Environment;
 use super::noise;
 use super::shadow::Shadows;
@@ -32,7 +32,7 @@ pub(super) struct Lighting<'a> {
     pub(super) sky: &'a Sky,
     pub(super) environment: &'a Environment,
     pub(super) shadows: &'a Shadows,
-    pub(super) blocks: &'a [Block],
+    pub(super) blocks: &'a Blocks,
     pub(super) air: Air,
     pub(super) world_from_camera: Matrix3<f32>,
     /// Where the eye is, relative to the camera.
@@ -72,7 +72,7 @@ pub(super) struct Pane {
 impl<'a> Spot<'a> {
     /// Where a viewing ray (camera coordinates, z = 1) meets the plane of a face.
     pub(super) fn new(lighting: &Lighting, seen: &'a Seen<'a>, face: u32, ray: &V) -> Option<Self> {
-        let mesh = &seen.object.mesh;
+        let mesh = seen.mesh;
         let corners = mesh.faces.get(face as usize)?;
         let [a, b, c] = corners.map(|i| seen.positions[i as usize]);
         // Moeller and Trumbore, for a ray from the origin.
@@ -120,7 +120,7 @@ impl<'a> Spot<'a> {
         let cos = flat.dot(&to_eye).abs().max(0.03);
         Some(Self {
             seen,
-            material: material_of(seen.object, face),
+            material: material_of(seen, face),
             face: face as usize,
             weights,
             place,
@@ -140,19 +140,28 @@ impl<'a> Spot<'a> {
 
     /// Share of the pixel that gaps between panels and seals cover.
     fn joints(&self) -> [f32; 2] {
-        let mesh = &self.seen.object.mesh;
-        let Some(byte) = mesh.joints.get(self.face).copied().filter(|byte| *byte != 0) else {
+        let mesh = self.seen.mesh;
+        let Some(bits) = mesh.joints.get(self.face).copied().filter(|bits| *bits != 0) else {
             return [0.0; 2];
         };
         let [a, b, c] = mesh.faces[self.face].map(|i| self.seen.positions[i as usize]);
         let area = (b - a).cross(&(c - a)).norm();
         let mut covered = [0.0_f32; 2];
-        for (i, (from, to)) in [(b, c), (c, a), (a, b)].into_iter().enumerate() {
-            let kind = (byte >> (2 * i)) & 3;
+        let here = a * self.weights[0] + b * self.weights[1] + c * self.weights[2];
+        for (i, (corner, from, to)) in [(a, b, c), (b, c, a), (c, a, b)].into_iter().enumerate() {
+            let of_edge = (bits >> (2 * i)) & 3;
+            let kind = if of_edge == 0 { (bits >> (6 + 2 * i)) & 3 } else { of_edge };
             if kind == 0 {
                 continue;
             }
-            let distance = self.weights[i] * area / (to - from).norm().max(1e-6);
+            let mut distance = f32::INFINITY;
+            if of_edge != 0 {
+                distance = self.weights[i] * area / (to - from).norm().max(1e-6);
+            }
+            // A joint that only passes a corner of the face.
+            if (bits >> (6 + 2 * i)) & 3 == kind {
+                distance = distance.min((corner - here).norm());
+            }
             let half = if kind == 1 { GAP } else { SEAL };
             let pixel = 0.5 * self.footprint.max(1e-4);
             let overlap = (distance + pixel).min(half) - (distance - pixel).max(-half);
@@ -219,12 +228,12 @@ impl<'a> Spot<'a> {
         let mut out = matt.component_mul(&(ambient + sun * toward_sun.max(0.0)));
         // Leaves let light through.
         if matches!(self.material.texture, Texture::Leaves { .. }) {
-            let through = (-toward_sun).max(0.0) * 0.45;
+            let through = (-toward_sun).max(0.0) * 0.35;
             if through > 0.0 {
                 let lit = lighting.shadows.lit(&self.place, &-self.normal, self.depth);
                 out += matt.component_mul(&lighting.sky.sun) * (through * lit);
             }
-            out += matt.component_mul(&ambient) * 0.2;
+            out += matt.component_mul(&ambient) * 0.1;
         }
         let below = V::repeat(0.04).lerp(&local.color, local.metallic);
         let seen_open = open * (0.5 + 0.5 * open);

@@ -9,6 +9,7 @@ use partpose::geometry::{Camera, Pose};
 
 use crate::scene::{Object, Scene, SegmentClass};
 
+use super::contact::Blocks;
 use super::environment::Environment;
 use super::noise;
 use super::raster::{self, NOTHING};
@@ -60,6 +61,7 @@ pub(super) fn of_scene(scene: &Scene, bounds: &[Bounds], lighting: &Lighting) ->
         let is_ground = matches!(object.class, SegmentClass::Road | SegmentClass::Terrain);
         !is_vehicle && (is_ground || distance < REACH)
     };
+    let no_blocks = Blocks::default();
     let pictures: Vec<Vec<Option<V>>> = (0..4)
         .map(|turn| {
             let rotation = turned(turn);
@@ -72,7 +74,7 @@ pub(super) fn of_scene(scene: &Scene, bounds: &[Bounds], lighting: &Lighting) ->
                 world_from_camera: rotation.matrix().cast(),
                 shift: ahead.cast(),
                 pixel: 2.0 / SIDE as f32,
-                blocks: &[],
+                blocks: &no_blocks,
                 ..*lighting
             };
             let radiance = |(i, id): (usize, &u32)| {

@@ -6,7 +6,8 @@ use nalgebra::Vector3;
 
 use crate::scene::{Material, Texture};
 
-use super::noise::{cell, cell_share, fractal, smooth};
+use super::leaves;
+use super::noise::{cell, cell_share, floor, fractal, smooth};
 
 type V = Vector3<f32>;
 
@@ -18,15 +19,6 @@ pub(super) struct Local {
     pub(super) metallic: f32,
     pub(super) clear_coat: f32,
     pub(super) emission: V,
-}
-
-/// Whether a leaf is at a place.
-pub(super) fn is_leaf(u: f32, v: f32, cover: f32, size: f32) -> bool {
-    let scale = 1.0 / size.max(1e-3);
-    let [u, v] = [u * scale, v * scale];
-    // Leaves, and the gaps between twigs.
-    let value = 0.62 * smooth(u, v, 17) + 0.38 * smooth(0.21 * u, 0.21 * v, 18);
-    value < 0.5 + 0.52 * (cover - 0.5)
 }
 
 /// The material at texture coordinates, which `footprint` metres share a pixel.
@@ -52,10 +44,11 @@ pub(super) fn local(material: &Material, [u, v]: [f32; 2], footprint: f32) -> Lo
             facade(&mut local, [u, v], field, window, seed, footprint);
         }
         Texture::Leaves { size, .. } => {
-            let scale = 1.0 / size.max(1e-3);
-            let shade =
-                0.55 + 0.9 * fractal(0.7 * u * scale, 0.7 * v * scale, 3, footprint * scale, 5);
-            local.color *= shade;
+            // A leaf has its own shade; from afar only clumps have.
+            let seen = sharpness(footprint, 0.6 * size);
+            let own = if seen > 0.0 { leaves::shade(u, v, size) - 0.5 } else { 0.0 };
+            let clump = fractal(u / 0.6, v / 0.6, 2, footprint / 0.6, 5) - 0.5;
+            local.color *= 1.0 + 0.9 * own * seen + 0.7 * clump;
         }
         Texture::Grass => {
             let fine = fractal(u * 14.0, v * 14.0, 3, footprint * 14.0, 7);
@@ -109,10 +102,10 @@ fn asphalt(local: &mut Local, u: f32, v: f32, footprint: f32) {
 }
 
 fn slabs(local: &mut Local, [u, v]: [f32; 2], size: [f32; 2], joint: f32, footprint: f32) {
-    let row = (v / size[1]).floor();
+    let row = floor(v / size[1]) as f32;
     // Every second row is shifted.
     let u = u + 0.5 * size[0] * row.rem_euclid(2.0);
-    let column = (u / size[0]).floor();
+    let column = floor(u / size[0]) as f32;
     let own = cell_share(column as i32, row as i32, 21) - 0.5;
     let seen = sharpness(footprint, size[0].min(size[1]));
     let speckle = fractal(u * 40.0, v * 40.0, 2, footprint * 40.0, 22) - 0.5;
@@ -135,7 +128,7 @@ fn facade(
     seed: u32,
     footprint: f32,
 ) {
-    let [column, row] = [(u / field[0]).floor(), (v / field[1]).floor()];
+    let [column, row] = [floor(u / field[0]) as f32, floor(v / field[1]) as f32];
     let [x, y] = [u - (column + 0.5) * field[0], v - (row + 0.5) * field[1]];
     let inside = |half_x: f32, half_y: f32| {
         let soft = footprint.max(1e-3);
@@ -147,6 +140,17 @@ fn facade(
     let streaks = smooth(u * 3.0, v * 0.35, seed ^ 32) - 0.5;
     local.color *= 1.0 + 0.22 * plaster + 0.08 * streaks;
     let [half_x, half_y] = [0.5 * window[0], 0.5 * window[1]];
+    if seed % 4 == 1 {
+        bricks(local, [u, v], footprint);
+    }
+    // The sill stands out: light above, its shade below; rain washes dirt down from it.
+    let below = y + half_y;
+    let edge = |d: f32| (d / footprint.max(1e-3) + 0.5).clamp(0.0, 1.0);
+    let beside = edge(half_x + 0.06 - x.abs());
+    let sill = beside * edge(-below) * edge(below + 0.07);
+    let shade = beside * edge(-below - 0.07) * edge(below + 0.15);
+    let washed = beside * (1.0 + below).clamp(0.0, 1.0) * edge(-below - 0.07);
+    local.color *= (1.0 + 0.25 * sill) * (1.0 - 0.45 * shade) * (1.0 - 0.12 * washed);
     let frame = inside(half_x, half_y);
     if frame <= 0.0 {
         return;
@@ -167,8 +171,31 @@ fn facade(
     let is_covered = blind < 30 && y > half_y * (1.0 - 0.05 * blind as f32);
     let pane_color = if is_covered { V::repeat(0.4) } else { curtain };
     local.color = local.color.lerp(&pane_color, pane);
-    local.clear_coat = pane * if is_covered { 0.1 } else { 1.0 };
+    // Windows stand back in the wall, so that its edge shades them from above and from one side.
+    let reveal = (1.0 - edge(half_y - 0.14 - y)).max(1.0 - edge(half_x - 0.07 - x));
+    local.color *= 1.0 - 0.6 * frame * reveal;
+    local.clear_coat = pane * (1.0 - 0.7 * reveal) * if is_covered { 0.1 } else { 1.0 };
     local.roughness = 0.5;
+}
+
+/// Courses of bricks with mortar between them.
+fn bricks(local: &mut Local, [u, v]: [f32; 2], footprint: f32) {
+    let size = [0.25, 0.083];
+    let seen = sharpness(footprint, size[1]);
+    if seen <= 0.0 {
+        return;
+    }
+    let row = floor(v / size[1]);
+    let u = u + 0.5 * size[0] * (row & 1) as f32;
+    let own = cell_share(floor(u / size[0]), row, 33) - 0.5;
+    let to_joint = |x: f32, size: f32| {
+        let at = x.rem_euclid(size);
+        at.min(size - at)
+    };
+    let distance = to_joint(u, size[0]).min(to_joint(v, size[1]));
+    let joint = ((0.006 - distance) / footprint.max(1e-4) + 0.5).clamp(0.0, 1.0);
+    local.color *= 1.0 + seen * 0.5 * own;
+    local.color = local.color.lerp(&V::repeat(0.32), 0.6 * seen * joint);
 }
 
 /// Coordinates are shares of the wheel's radius.

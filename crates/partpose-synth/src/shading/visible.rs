@@ -15,6 +15,8 @@ pub(super) const STEPS: i32 = 256;
 const NEAR: f64 = 0.08;
 /// Depth beyond which the inside of vehicles is left out, metres a pixel of focal length: 44 m at 725.
 const INSIDE: f64 = 0.06;
+/// The same for the coarse meshes of things without parts: 40 m.
+const COARSE: f64 = 0.055;
 /// Tangent of the angle beyond which triangles are clipped, so that coordinates stay small.
 const GUARD: f64 = 24.0;
 
@@ -24,6 +26,8 @@ type V = Vector3<f32>;
 #[derive(Debug)]
 pub(super) struct Seen<'a> {
     pub(super) object: &'a Object,
+    /// Its mesh, or the one with fewer faces where it is far away.
+    pub(super) mesh: &'a SurfaceMesh,
     /// Vertices in camera coordinates.
     pub(super) positions: Vec<V>,
     /// Takes normals to the axes of the world.
@@ -123,7 +127,12 @@ pub(super) fn seen<'a>(
         let matrix =
             *camera_from_object.rotation.to_rotation_matrix().matrix() * diagonal(&object.scale);
         let offset = camera_from_object.translation.vector;
-        let positions = object.mesh.vertices.iter();
+        let is_distant = center.z > COARSE * camera.focal[0].abs();
+        let mesh: &SurfaceMesh = match &object.mesh.coarse {
+            Some(coarse) if is_distant && !object.has_parts => coarse,
+            _ => &object.mesh,
+        };
+        let positions = mesh.vertices.iter();
         let positions =
             positions.map(|p| (matrix * p.coords.cast::<f64>() + offset).cast()).collect();
         let inverse = object.scale.map(|factor| 1.0 / factor);
@@ -132,6 +141,7 @@ pub(super) fn seen<'a>(
         let ground = object.world_from_object.translation.y - world_from_camera.translation.y;
         Some(Seen {
             object,
+            mesh,
             positions,
             world_from_normal,
             ground: ground as f32,
@@ -140,7 +150,10 @@ pub(super) fn seen<'a>(
         })
     };
     let pairs: Vec<_> = scene.objects.iter().zip(bounds).collect();
-    pairs.into_par_iter().filter_map(place).collect()
+    let mut seen: Vec<Seen> = pairs.into_par_iter().filter_map(place).collect();
+    // What is near hides what is far, which then costs no more than a comparison of depths.
+    seen.sort_by(|a, b| a.center.norm_squared().total_cmp(&b.center.norm_squared()));
+    seen
 }
 
 fn diagonal(values: &Vector3<f64>) -> Matrix3<f64> {
@@ -170,7 +183,7 @@ pub(super) fn is_labelled(object: &Object) -> bool {
 }
 
 /// Material of a face; a black one where the scene names one that does not exist.
-pub(super) fn material_of(object: &Object, face: u32) -> &Material {
+pub(super) fn material_of<'a>(seen: &Seen<'a>, face: u32) -> &'a Material {
     const NONE: Material = Material {
         color: [0.0; 3],
         texture: Texture::Plain,
@@ -181,8 +194,8 @@ pub(super) fn material_of(object: &Object, face: u32) -> &Material {
         emission: [0.0; 3],
         dirt: 0.0,
     };
-    let slot = object.mesh.materials.get(face as usize).copied().unwrap_or(0);
-    object.materials.get(usize::from(slot)).unwrap_or(&NONE)
+    let slot = seen.mesh.materials.get(face as usize).copied().unwrap_or(0);
+    seen.object.materials.get(usize::from(slot)).unwrap_or(&NONE)
 }
 
 /// The triangles of what is seen that cover a sample of a grid of `step` steps.
@@ -229,11 +242,11 @@ struct Projected {
 }
 
 fn object_triangles(camera: &Camera, seen: &Seen, index: u32, step: i32) -> Triangles {
-    let mesh = &seen.object.mesh;
+    let mesh = seen.mesh;
     let projected: Vec<Projected> = seen.positions.iter().map(|p| project(camera, p)).collect();
     let mut list = Triangles::default();
     list.opaque.reserve(mesh.faces.len());
-    let materials = Slots::new(seen.object);
+    let materials = Slots::new(seen);
     let shift = step.trailing_zeros();
     let misses = |a: i32, b: i32, c: i32| {
         let [low, high] = [a.min(b).min(c), a.max(b).max(c)];
@@ -253,10 +266,8 @@ fn object_triangles(camera: &Camera, seen: &Seen, index: u32, step: i32) -> Tria
         let kind = materials.of(i);
         // What is far is drawn with dark panes, which spares its inside.
         let is_pane = kind == Kind::Glass && !seen.is_far;
-        let shows_back = match seen.object.has_parts {
-            true => !seen.is_far && kind == Kind::Solid && is_lining(mesh.parts.get(i)),
-            false => true,
-        };
+        let shows_back = !seen.object.has_parts
+            || (!seen.is_far && kind == Kind::Solid && is_lining(mesh.parts.get(i)));
         if (a.code | b.code | c.code) & 16 == 0 {
             if misses(a.x, b.x, c.x) || misses(a.y, b.y, c.y) {
                 continue;
@@ -317,15 +328,15 @@ struct Slots<'a> {
 }
 
 impl<'a> Slots<'a> {
-    fn new(object: &'a Object) -> Self {
+    fn new(seen: &Seen<'a>) -> Self {
         let kind = |material: &Material| match material.texture {
             Texture::Leaves { .. } => Kind::Holes,
             _ if is_glass(material) => Kind::Glass,
             _ => Kind::Solid,
         };
         Self {
-            kinds: object.materials.iter().map(kind).collect(),
-            of_faces: &object.mesh.materials,
+            kinds: seen.object.materials.iter().map(kind).collect(),
+            of_faces: &seen.mesh.materials,
         }
     }
 

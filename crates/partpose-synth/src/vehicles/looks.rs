@@ -42,6 +42,7 @@ pub struct Look {
 }
 
 /// Which lamps are lit.
+#[expect(clippy::struct_excessive_bools, reason = "lamps are on or off, each by itself")]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lamps {
     /// Head lamps, and the tail lamps with them.

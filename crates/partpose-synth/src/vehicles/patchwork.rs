@@ -137,9 +137,18 @@ impl Patchwork {
         if splits.is_empty() {
             return;
         }
+        // Only faces with a split edge are looked up.
+        let mut is_end = vec![false; self.points.len()];
+        for point in splits.keys().flatten() {
+            is_end[*point as usize] = true;
+        }
         let mut divided = Vec::with_capacity(self.facets.len() + 2 * splits.len());
         for facet in &self.facets {
-            divide(facet, &splits, &mut divided);
+            if facet.corners.iter().filter(|corner| is_end[corner.point as usize]).count() < 2 {
+                divided.push(*facet);
+            } else {
+                divide(facet, &splits, &mut divided);
+            }
         }
         self.facets = divided;
     }
@@ -190,7 +199,7 @@ impl Patchwork {
     }
 
     /// What runs along the edges between parts.
-    fn joints(&self) -> Vec<u8> {
+    fn joints(&self) -> Vec<u16> {
         let is_glass = |part: PartClass| part.coarse() == CoarseClass::Glass;
         let mut owners: HashMap<[u32; 2], Option<PartClass>> = HashMap::new();
         let mut joint_of: HashMap<[u32; 2], Joint> = HashMap::new();
@@ -206,13 +215,26 @@ impl Patchwork {
                 }
             }
         }
-        let byte = |facet: &Facet| {
-            edges(facet).into_iter().fold(0, |byte, (i, edge)| {
+        let mut joint_at = vec![Joint::None; self.points.len()];
+        for facet in &self.facets {
+            for (_, edge) in edges(facet) {
+                if let Some(joint) = joint_of.get(&edge) {
+                    for point in edge {
+                        joint_at[point as usize] = *joint;
+                    }
+                }
+            }
+        }
+        let bits = |facet: &Facet| {
+            let mut bits = 0;
+            for (i, edge) in edges(facet) {
                 let joint = joint_of.get(&edge).copied().unwrap_or(Joint::None);
-                byte | ((joint as u8) << (2 * i))
-            })
+                bits |= (joint as u16) << (2 * i);
+                bits |= (joint_at[facet.corners[i].point as usize] as u16) << (6 + 2 * i);
+            }
+            bits
         };
-        self.facets.iter().map(byte).collect()
+        self.facets.iter().map(bits).collect()
     }
 }
 

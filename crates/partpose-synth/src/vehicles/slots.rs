@@ -80,12 +80,51 @@ const TAIL: f32 = 0.25;
 const INDICATOR: f32 = 2.2;
 
 /// The materials of a vehicle, in the order that its surface refers to.
-pub fn materials(look: &Look, lamps: &Lamps) -> Arc<[Material]> {
+pub fn materials(look: &Look, lamps: Lamps) -> Arc<[Material]> {
     Slot::ALL.iter().map(|slot| material(*slot, look, lamps)).collect()
 }
 
-fn material(slot: Slot, look: &Look, lamps: &Lamps) -> Material {
-    let paint = Material {
+fn material(slot: Slot, look: &Look, lamps: Lamps) -> Material {
+    let paint = paint(look);
+    let chrome = Material { metallic: 1.0, ..plain(look, [0.55, 0.56, 0.57], 0.12) };
+    let plastic = plain(look, [0.022, 0.022, 0.023], 0.55);
+    let gloss = Material { clear_coat: 1.0, ..plain(look, [0.008; 3], 0.5) };
+    let clean =
+        |color: [f32; 3], roughness| Material { dirt: 0.0, ..plain(look, color, roughness) };
+    match slot {
+        Slot::LowerTrim if look.plastic_trim => plastic,
+        Slot::Pillar if look.black_pillars => gloss,
+        Slot::Frame | Slot::Handle if look.chrome => chrome,
+        Slot::Paint | Slot::LowerTrim | Slot::Pillar | Slot::Handle => paint,
+        Slot::BlackPlastic => plastic,
+        Slot::Frame => gloss,
+        Slot::Underside => plain(look, [0.015; 3], 0.9),
+        Slot::Grille => {
+            Material { texture: Texture::Grille { pitch: 0.034 }, ..plain(look, [0.035; 3], 0.4) }
+        }
+        Slot::Plate => {
+            Material { texture: Texture::Plate { seed: look.plate }, ..plain(look, [0.75; 3], 0.5) }
+        }
+        Slot::Glass => glass(look, look.glass),
+        Slot::RearGlass => glass(look, look.rear_glass),
+        Slot::Frit => Material { clear_coat: 1.0, ..plain(look, [0.006; 3], 0.4) },
+        Slot::Tyre => plain(look, [0.018, 0.018, 0.019], 0.85),
+        Slot::Rim => Material {
+            texture: Texture::Rim { spokes: look.spokes, cover: look.rim_cover },
+            metallic: 0.7,
+            clear_coat: 0.4,
+            ..plain(look, look.rim_color, 0.35)
+        },
+        Slot::MirrorGlass => Material { metallic: 1.0, ..clean([0.6; 3], 0.03) },
+        Slot::Inside => clean(look.inside_color, 0.8),
+        Slot::Seat => clean(look.inside_color.map(|v| 0.8 * v), 0.8),
+        Slot::Dashboard => clean([0.020, 0.020, 0.021], 0.7),
+        lamp => lamp_material(lamp, look, lamps),
+    }
+}
+
+fn paint(look: &Look) -> Material {
+    Material {
         color: look.paint.color,
         texture: Texture::Plain,
         roughness: if look.paint.flakes > 0.0 { 0.38 } else { 0.6 },
@@ -94,80 +133,51 @@ fn material(slot: Slot, look: &Look, lamps: &Lamps) -> Material {
         transmission: 0.0,
         emission: [0.0; 3],
         dirt: look.dirt,
-    };
-    let plain = |color: [f32; 3], roughness: f32| Material {
-        color,
-        roughness,
-        metallic: 0.0,
-        clear_coat: 0.0,
-        ..paint
-    };
-    let chrome = Material { metallic: 1.0, ..plain([0.55, 0.56, 0.57], 0.12) };
-    let plastic = plain([0.022, 0.022, 0.023], 0.55);
-    let gloss = Material { clear_coat: 1.0, ..plain([0.008; 3], 0.5) };
-    let glass = |transmission: f32| Material {
+    }
+}
+
+fn plain(look: &Look, color: [f32; 3], roughness: f32) -> Material {
+    Material { color, roughness, metallic: 0.0, clear_coat: 0.0, ..paint(look) }
+}
+
+fn glass(look: &Look, transmission: f32) -> Material {
+    Material {
         clear_coat: 1.0,
         transmission,
         dirt: 0.6 * look.dirt,
-        ..plain([0.86, 0.94, 0.90], 0.02)
-    };
+        ..plain(look, [0.86, 0.94, 0.90], 0.02)
+    }
+}
+
+fn lamp_material(slot: Slot, look: &Look, lamps: Lamps) -> Material {
     let lit = |on: bool, color: [f32; 3], light: [f32; 3], level: f32| Material {
         clear_coat: 1.0,
         texture: Texture::Lamp { cell: 0.022 },
         emission: if on { light.map(|value| value * level) } else { [0.0; 3] },
         dirt: 0.5 * look.dirt,
-        ..plain(color, 0.25)
+        ..plain(look, color, 0.25)
     };
     let [red, amber, white] = [[1.0, 0.025, 0.015], [1.0, 0.33, 0.01], [1.0, 0.95, 0.86]];
     let amber_off = [0.36, 0.13, 0.025];
     match slot {
-        Slot::Paint => paint,
-        Slot::LowerTrim if look.plastic_trim => plastic,
-        Slot::LowerTrim => paint,
-        Slot::Pillar if look.black_pillars => gloss,
-        Slot::Pillar => paint,
-        Slot::BlackPlastic => plastic,
-        Slot::Underside => plain([0.015; 3], 0.9),
-        Slot::Grille => {
-            Material { texture: Texture::Grille { pitch: 0.034 }, ..plain([0.035; 3], 0.4) }
+        Slot::HeadCore => Material { metallic: 0.9, ..lit(lamps.head, [0.6; 3], white, HEAD) },
+        Slot::Daytime => lit(lamps.daytime || lamps.head, [0.3; 3], [0.95, 0.98, 1.0], 0.35 * HEAD),
+        Slot::FrontIndicatorLeft | Slot::RearIndicatorLeft => {
+            lit(lamps.left, amber_off, amber, INDICATOR)
         }
-        Slot::Frame if look.chrome => chrome,
-        Slot::Frame => gloss,
-        Slot::Handle if look.chrome => chrome,
-        Slot::Handle => paint,
-        Slot::Plate => {
-            Material { texture: Texture::Plate { seed: look.plate }, ..plain([0.75; 3], 0.5) }
+        Slot::FrontIndicatorRight | Slot::RearIndicatorRight => {
+            lit(lamps.right, amber_off, amber, INDICATOR)
         }
-        Slot::Glass => glass(look.glass),
-        Slot::RearGlass => glass(look.rear_glass),
-        Slot::Frit => Material { clear_coat: 1.0, ..plain([0.006; 3], 0.4) },
-        Slot::Tyre => plain([0.018, 0.018, 0.019], 0.85),
-        Slot::Rim => Material {
-            texture: Texture::Rim { spokes: look.spokes, cover: look.rim_cover },
-            metallic: 0.7,
-            clear_coat: 0.4,
-            ..plain(look.rim_color, 0.35)
-        },
-        Slot::HeadLamp => Material {
+        Slot::TailLamp => lit(lamps.head, [0.24, 0.010, 0.012], red, TAIL),
+        Slot::BrakeLamp if lamps.brake => lit(true, [0.24, 0.010, 0.012], red, BRAKE),
+        Slot::BrakeLamp => lit(lamps.head, [0.30, 0.012, 0.013], red, TAIL),
+        Slot::Reverse => lit(lamps.reverse, [0.34, 0.31, 0.31], white, INDICATOR),
+        _ => Material {
             metallic: 0.6,
             clear_coat: 1.0,
             texture: Texture::Lamp { cell: 0.05 },
             dirt: 0.4 * look.dirt,
-            ..plain([0.30, 0.31, 0.32], 0.22)
+            ..plain(look, [0.30, 0.31, 0.32], 0.22)
         },
-        Slot::HeadCore => Material { metallic: 0.9, ..lit(lamps.head, [0.6; 3], white, HEAD) },
-        Slot::Daytime => lit(lamps.daytime || lamps.head, [0.3; 3], [0.95, 0.98, 1.0], 0.35 * HEAD),
-        Slot::FrontIndicatorLeft => lit(lamps.left, amber_off, amber, INDICATOR),
-        Slot::FrontIndicatorRight => lit(lamps.right, amber_off, amber, INDICATOR),
-        Slot::TailLamp => lit(lamps.head, [0.24, 0.010, 0.012], red, TAIL),
-        Slot::BrakeLamp if lamps.brake => lit(true, [0.24, 0.010, 0.012], red, BRAKE),
-        Slot::BrakeLamp => lit(lamps.head, [0.30, 0.012, 0.013], red, TAIL),
-        Slot::RearIndicatorLeft => lit(lamps.left, amber_off, amber, INDICATOR),
-        Slot::RearIndicatorRight => lit(lamps.right, amber_off, amber, INDICATOR),
-        Slot::Reverse => lit(lamps.reverse, [0.34, 0.31, 0.31], white, INDICATOR),
-        Slot::MirrorGlass => Material { metallic: 1.0, dirt: 0.0, ..plain([0.6; 3], 0.03) },
-        Slot::Inside => Material { dirt: 0.0, ..plain(look.inside_color, 0.8) },
-        Slot::Seat => Material { dirt: 0.0, ..plain(look.inside_color.map(|v| 0.8 * v), 0.8) },
-        Slot::Dashboard => Material { dirt: 0.0, ..plain([0.020, 0.020, 0.021], 0.7) },
     }
 }

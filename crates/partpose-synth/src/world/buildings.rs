@@ -56,6 +56,8 @@ pub(crate) fn house(seed: u64, house: &House) -> Prop {
         [true, true, false, false, true, true],
         1,
     );
+    let plinth = rng.random_range(0.25_f32..0.8);
+    shape.block(p(-0.025, -plinth, -half), p(0.0, 0.8, half), 10);
     ground_floor(&mut shape, &mut rng, half, ground);
     // A string course and the cornice catch light.
     shape.block(p(-0.07, -ground - 0.1, -half), p(0.0, -ground + 0.08, half), 2);
@@ -105,6 +107,8 @@ fn materials(rng: &mut ChaCha8Rng) -> std::sync::Arc<[Material]> {
                 [rng.random_range(0..4)],
             0.5,
         ),
+        smooth(shade([0.5, 0.49, 0.45], rng.random_range(0.4_f32..1.2)), 0.45),
+        noisy(shade(base, 0.62), shade(base, 0.45), 0.8),
     ]
     .into()
 }
@@ -131,6 +135,9 @@ fn ground_floor(shape: &mut Shape, rng: &mut ChaCha8Rng, half: f32, ground: f32)
         let end = if door { z + 1.05_f32.min(wide) } else { z + wide };
         shape.block(p(-0.05, -high - 0.08, z - 0.08), p(0.0, -low, end + 0.08), 2);
         shape.block(p(-0.06, -high, z), p(-0.02, -low - 0.05, end), material);
+        if !door {
+            furnish_window(shape, rng, [-high, -low - 0.05], [z, end], is_shop);
+        }
         z = end + rng.random_range(0.5_f32..1.4);
     }
     if is_shop {
@@ -146,6 +153,42 @@ fn ground_floor(shape: &mut Shape, rng: &mut ChaCha8Rng, half: f32, ground: f32)
             shape.panel(corners, [0.0, 0.0], -V::y(), 8);
         }
     }
+}
+
+/// What is seen in a window: bars, curtains and blinds, or posters in that of a shop. All of it lies a finger's width
+/// before the pane, where nobody sees the difference.
+fn furnish_window(
+    shape: &mut Shape,
+    rng: &mut ChaCha8Rng,
+    [top, bottom]: [f32; 2],
+    [from, to]: [f32; 2],
+    is_shop: bool,
+) {
+    let middle = 0.5 * (from + to);
+    if is_shop {
+        for _ in 0..rng.random_range(0..3) {
+            let z = rng.random_range(from..to - 0.5);
+            let y = rng.random_range(top + 0.1..bottom - 0.8);
+            let size = rng.random_range(0.25_f32..0.5);
+            let material = [2, 8, 9][rng.random_range(0..3)];
+            shape.block(p(-0.065, y, z), p(-0.06, y + 1.4 * size, z + size), material);
+        }
+        return;
+    }
+    match rng.random_range(0..4) {
+        // Blinds let down some way, or net curtains over all of it.
+        0 => {
+            let end = top + (bottom - top) * rng.random_range(0.15_f32..0.9);
+            shape.block(p(-0.065, top, from), p(-0.06, end, to), 9);
+        }
+        1 => shape.block(p(-0.065, top, from), p(-0.06, bottom, to), 9),
+        _ => {}
+    }
+    if rng.random_bool(0.7) {
+        shape.block(p(-0.075, top, middle - 0.03), p(-0.05, bottom, middle + 0.03), 2);
+    }
+    // The sill.
+    shape.block(p(-0.14, bottom + 0.05, from - 0.1), p(0.0, bottom + 0.10, to + 0.1), 2);
 }
 
 fn gable_roof(shape: &mut Shape, half: f32, depth: f32, eaves: f32, pitch: f32) {

@@ -14,7 +14,7 @@ use crate::vehicles::{Lamps, Look, VehicleKind, materials, random_look, vehicle_
 /// Share of vans where the zoo has any.
 const VANS: f64 = 0.10;
 /// How much the sides of vehicles differ from their model's, either way.
-const SPREAD: [f64; 3] = [0.03, 0.04, 0.05];
+const SPREAD: [f64; 3] = [0.04, 0.05, 0.07];
 
 /// Vehicle kinds, made once and shared by all worlds.
 #[derive(Clone, Debug)]
@@ -101,7 +101,7 @@ impl Fleet {
         &self,
         vehicle: &Vehicle,
         world_from_vehicle: Pose,
-        lamps: &Lamps,
+        lamps: Lamps,
         instance: u16,
     ) -> Object {
         let kind = self.kind(vehicle);
@@ -109,7 +109,7 @@ impl Fleet {
         let scale: Vector3<f64> = vehicle.extent.ratio(&kind.extent);
         Object {
             mesh: Arc::clone(&kind.surface),
-            materials: materials(&vehicle.look, lamps).into(),
+            materials: materials(&vehicle.look, lamps),
             world_from_object: world_from_vehicle,
             scale,
             class,
@@ -122,7 +122,8 @@ impl Fleet {
 /// Body styles of Virtual KITTI's meshes whose names do not say it.
 fn synonym(mesh: &str) -> Option<&'static str> {
     match mesh {
-        "hybrid" | "peugeot_207" => Some("hatchback"),
+        // Their masks show rear doors and the small panes behind them.
+        "hatchback" | "hybrid" | "peugeot_207" => Some("hatchback-5-door"),
         _ => None,
     }
 }

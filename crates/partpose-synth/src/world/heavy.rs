@@ -138,6 +138,17 @@ fn cab(shape: &mut Shape, front: f32, half: f32, height: f32) {
             LAMP,
         );
     }
+    cab_front(shape, [front, back, lean], half, [waist, brow, -height]);
+}
+
+/// What of a cab looks forward, up and back; `front`, `back` and how far the windscreen leans back, and heights of its
+/// lower and upper edge and of the roof.
+fn cab_front(
+    shape: &mut Shape,
+    [front, back, lean]: [f32; 3],
+    half: f32,
+    [waist, brow, top]: [f32; 3],
+) {
     let (l, r) = (-half, half);
     shape.panel(
         [
@@ -167,26 +178,21 @@ fn cab(shape: &mut Shape, front: f32, half: f32, height: f32) {
         [
             p(l, brow, front - lean),
             p(r, brow, front - lean),
-            p(r, -height, front - 0.5),
-            p(l, -height, front - 0.5),
+            p(r, top, front - 0.5),
+            p(l, top, front - 0.5),
         ],
         [0.0, 0.0],
         out,
         PAINT,
     );
     shape.panel(
-        [
-            p(l, -height, front - 0.5),
-            p(r, -height, front - 0.5),
-            p(r, -height, back),
-            p(l, -height, back),
-        ],
+        [p(l, top, front - 0.5), p(r, top, front - 0.5), p(r, top, back), p(l, top, back)],
         [0.0, 0.0],
         -V::y(),
         PAINT,
     );
     shape.panel(
-        [p(l, waist, back), p(r, waist, back), p(r, -height, back), p(l, -height, back)],
+        [p(l, waist, back), p(r, waist, back), p(r, top, back), p(l, top, back)],
         [0.0, 0.0],
         -V::z(),
         PAINT,

@@ -86,7 +86,7 @@ impl Path {
         let angle = angle_a + turn * within;
         let mut position = a + (b - a) * within;
         let slope = self.slope(s);
-        if within != t || last == 0 {
+        if !(0.0..=1.0).contains(&t) || last == 0 {
             // Beyond the ends: straight on.
             let beyond = if last == 0 { at } else { t - within } * STEP;
             position += Vector3::new(angle.sin(), 0.0, angle.cos()) * beyond;

@@ -1,12 +1,15 @@
 //! Trees, bushes and hedges: trunks with branches, and leaves on cards that let light through.
 
+use std::f32::consts::TAU;
+use std::sync::Arc;
+
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::random::random;
 use super::shapes::{P, Shape, V, p};
 use super::stuff::{Prop, noisy, textured};
-use crate::scene::{Material, SegmentClass, Texture};
+use crate::scene::{Material, SegmentClass, SurfaceMesh, Texture};
 
 /// Kinds of trees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,9 +27,9 @@ pub(crate) fn tree(seed: u64, species: Species) -> Prop {
     let mut rng = random(seed, &[0x7ee, species as i64]);
     let mut shape = Shape::default();
     let (bark, leaves) = match species {
-        Species::Street => (3.0..3.6, [0.060, 0.105, 0.024]),
-        Species::Forest => (7.0..10.0, [0.045, 0.090, 0.020]),
-        Species::Fir => (13.0..14.0, [0.016, 0.042, 0.016]),
+        Species::Street => (3.0..3.6, [0.050, 0.082, 0.024]),
+        Species::Forest => (7.0..10.0, [0.040, 0.070, 0.020]),
+        Species::Fir => (13.0..14.0, [0.017, 0.036, 0.016]),
     };
     let height: f32 = rng.random_range(bark);
     let lean = V::new(rng.random_range(-0.03..0.03), -1.0, rng.random_range(-0.03..0.03));
@@ -45,11 +48,15 @@ pub(crate) fn tree(seed: u64, species: Species) -> Prop {
     let tint = rng.random_range(0.8_f32..1.25);
     let warm = rng.random_range(0.9_f32..1.35);
     let leaf = [leaves[0] * tint * warm, leaves[1] * tint, leaves[2] * tint];
+    let mesh = match species {
+        Species::Fir => shape.finish(),
+        Species::Street | Species::Forest => with_fewer_leaves(shape),
+    };
     Prop {
-        mesh: shape.finish(),
+        mesh,
         materials: [
             noisy([0.10, 0.075, 0.055], [0.045, 0.036, 0.028], 0.25),
-            foliage(leaf, if species == Species::Fir { 0.5 } else { 0.55 }, 0.14),
+            foliage(leaf, if species == Species::Fir { 0.5 } else { 0.55 }, 0.10),
         ]
         .into(),
         class: SegmentClass::Tree,
@@ -85,8 +92,12 @@ fn leafy_crown(
             let center = at + out * (radius * rng.random_range(0.35_f32..1.0));
             let half = rng.random_range(0.4_f32..0.7);
             // Lit as the crown is, with its own cluster a little.
-            let lit = (center - middle).try_normalize(1e-3).unwrap_or(out) + out * 0.5;
-            card(shape, rng, center, lit, half);
+            let from_middle = center - middle;
+            let lit = from_middle.try_normalize(1e-3).unwrap_or(out) + out * 0.5;
+            // The deeper inside, and the lower, the darker.
+            let depth = V::new(from_middle.x / wide, from_middle.y / tall, from_middle.z / wide);
+            let open = 0.12 + 0.62 * depth.norm_squared() - 0.22 * depth.y;
+            card(shape, rng, center, (lit, open.clamp(0.1, 1.0)), half);
         }
     }
 }
@@ -101,7 +112,7 @@ fn fir_crown(shape: &mut Shape, rng: &mut ChaCha8Rng, height: f32) {
         let count = 5 + (9.0 * (1.0 - share)) as u32;
         let turn = rng.random_range(0.0_f32..1.0);
         for i in 0..count {
-            let (s, c) = (6.283_f32 * (i as f32 + turn) / count as f32).sin_cos();
+            let (s, c) = (TAU * (i as f32 + turn) / count as f32).sin_cos();
             let out = V::new(c, 0.0, s);
             let side = V::new(-s, 0.0, c);
             let drop = rng.random_range(0.25_f32..0.55) * reach;
@@ -119,6 +130,44 @@ fn fir_crown(shape: &mut Shape, rng: &mut ChaCha8Rng, height: f32) {
     }
 }
 
+/// The mesh with its far form: every third card, larger, and of the wood only the trunk.
+fn with_fewer_leaves(shape: Shape) -> Arc<SurfaceMesh> {
+    const KEPT: usize = 3;
+    const GROWTH: f32 = 1.5;
+    let mut mesh = Arc::unwrap_or_clone(shape.finish());
+    let mut coarse = SurfaceMesh { vertices: mesh.vertices.clone(), ..SurfaceMesh::default() };
+    coarse.normals.clone_from(&mesh.normals);
+    coarse.coordinates.clone_from(&mesh.coordinates);
+    coarse.openness.clone_from(&mesh.openness);
+    let mut cards = 0;
+    for (i, face) in mesh.faces.iter().enumerate() {
+        let is_leaf = mesh.materials[i] == 1;
+        // A card is two faces over four vertices of its own.
+        let first = face.iter().min().copied().unwrap_or(0) as usize;
+        let is_new = is_leaf
+            && mesh.materials.get(i + 1) == Some(&1)
+            && face[0] as usize == first
+            && mesh.faces[i + 1].iter().min() == face.iter().min();
+        cards += usize::from(is_new);
+        if is_leaf != (cards > 0) || (is_leaf && cards % KEPT != 0) {
+            continue;
+        }
+        if is_new {
+            let corners = first..first + 4;
+            let middle = mesh.vertices[corners.clone()].iter().map(|p| p.coords).sum::<V>() * 0.25;
+            for vertex in corners {
+                let p = mesh.vertices[vertex].coords;
+                coarse.vertices[vertex] = (middle + (p - middle) * GROWTH).into();
+            }
+        }
+        coarse.faces.push(*face);
+        coarse.materials.push(mesh.materials[i]);
+        coarse.parts.push(0);
+    }
+    mesh.coarse = Some(Arc::new(coarse));
+    Arc::new(mesh)
+}
+
 /// A bush about 1.5 m wide and 1.2 m high.
 pub(crate) fn bush(seed: u64) -> Prop {
     let mut rng = random(seed, &[0xb05]);
@@ -129,11 +178,12 @@ pub(crate) fn bush(seed: u64) -> Prop {
         let far = rng.random_range(0.5_f32..1.0);
         let at = p(out.x * 0.75 * far, up * 1.05 * far - 0.05, out.z * 0.75 * far);
         let size = rng.random_range(0.2_f32..0.36);
-        card(&mut shape, &mut rng, at, out, size);
+        let open = (0.05 + 0.55 * far * far + 0.35 * -up).clamp(0.1, 1.0);
+        card(&mut shape, &mut rng, at, (out, open), size);
     }
     let tint = rng.random_range(0.75_f32..1.2);
     let leaf = [0.05 * tint, 0.10 * tint, 0.022 * tint];
-    let material = foliage(leaf, 0.6, 0.07);
+    let material = foliage(leaf, 0.6, 0.05);
     let materials = [material, material].into();
     Prop { mesh: shape.finish(), materials, class: SegmentClass::Vegetation }
 }
@@ -153,14 +203,15 @@ pub(crate) fn hedge(seed: u64) -> Prop {
         };
         let tilted = out + direction(&mut rng) * 0.6;
         let size = rng.random_range(0.2_f32..0.36);
-        card(&mut shape, &mut rng, at, tilted, size);
+        let open = 0.45 + 0.3 * (-at.y / 1.4);
+        card(&mut shape, &mut rng, at, (tilted, open), size);
     }
     let tint = rng.random_range(0.7_f32..1.15);
     let leaf = [0.035 * tint, 0.075 * tint, 0.018 * tint];
     let inside = noisy([leaf[0] * 0.5, leaf[1] * 0.5, leaf[2] * 0.5], [0.008, 0.014, 0.006], 0.2);
     Prop {
         mesh: shape.finish(),
-        materials: [inside, foliage(leaf, 0.6, 0.06)].into(),
+        materials: [inside, foliage(leaf, 0.6, 0.045)].into(),
         class: SegmentClass::Vegetation,
     }
 }
@@ -170,7 +221,7 @@ pub(crate) fn tuft(seed: u64) -> Prop {
     let mut rng = random(seed, &[0x74f7]);
     let mut shape = Shape::default();
     for _ in 0..22 {
-        let (s, c) = rng.random_range(0.0_f32..6.28).sin_cos();
+        let (s, c) = rng.random_range(0.0..TAU).sin_cos();
         let at = p(rng.random_range(-0.4_f32..0.4), 0.0, rng.random_range(-0.4_f32..0.4));
         let side = V::new(c, 0.0, s) * rng.random_range(0.10_f32..0.25);
         let up = V::new(rng.random_range(-0.1_f32..0.1), -rng.random_range(0.2_f32..0.5), 0.0);
@@ -191,8 +242,8 @@ pub(crate) fn tuft(seed: u64) -> Prop {
     }
 }
 
-/// A square of leaves around a point, facing about `out`.
-fn card(shape: &mut Shape, rng: &mut ChaCha8Rng, center: P, out: V, half: f32) {
+/// A square of leaves around a point, facing about `out`, to which a share of the sky is open.
+fn card(shape: &mut Shape, rng: &mut ChaCha8Rng, center: P, (out, open): (V, f32), half: f32) {
     let normal = (out + direction(rng) * 0.8).try_normalize(1e-6).unwrap_or(out);
     let u = normal.cross(&direction(rng)).try_normalize(1e-6).unwrap_or_else(V::x);
     let v = normal.cross(&u);
@@ -204,13 +255,13 @@ fn card(shape: &mut Shape, rng: &mut ChaCha8Rng, center: P, out: V, half: f32) {
         center + (u + v) * half,
         center - (u - v) * half,
     ];
-    shape.leaf_card(corners, start, out, 1);
+    shape.leaf_card(corners, start, (out, open), 1);
 }
 
 /// A unit vector, every direction as likely.
 fn direction(rng: &mut ChaCha8Rng) -> V {
     let y = rng.random_range(-1.0_f32..1.0);
-    let (s, c) = rng.random_range(0.0_f32..std::f32::consts::TAU).sin_cos();
+    let (s, c) = rng.random_range(0.0..TAU).sin_cos();
     let r = (1.0 - y * y).sqrt();
     V::new(r * c, y, r * s)
 }

@@ -50,9 +50,19 @@ impl Shape {
     }
 
     /// As [`Self::quad`], but light falls on it as on a surface that faces `normal`: leaves of a crown are lit as the crown.
-    pub(crate) fn leaf_card(&mut self, corners: [P; 4], start: [f32; 2], normal: V, material: u16) {
+    /// `open` is the share of the sky that the rest of the crown leaves it.
+    pub(crate) fn leaf_card(
+        &mut self,
+        corners: [P; 4],
+        start: [f32; 2],
+        (normal, open): (V, f32),
+        material: u16,
+    ) {
         let first = self.mesh.vertices.len();
         self.panel(corners, start, normal, material);
+        for own in &mut self.mesh.openness[first..] {
+            *own = open;
+        }
         for own in &mut self.mesh.normals[first..] {
             *own = (*own * 0.5 + normal).try_normalize(1e-6).unwrap_or(*own);
         }
@@ -176,6 +186,7 @@ impl Shape {
         self.mesh.vertices.push(at);
         self.mesh.normals.push(normal);
         self.mesh.coordinates.push(uv);
+        self.mesh.openness.push(1.0);
     }
 
     fn face(&mut self, face: [u32; 3], material: u16) {

@@ -133,7 +133,7 @@ impl Lane {
         let s = if self.forward { along } else { -along };
         // Who parks does so facing either way, though mostly with the traffic.
         let backwards = self.speed == 0.0 && own(0x55) > 0.7;
-        let half_turn = if self.forward != backwards { 0.0 } else { std::f64::consts::PI };
+        let half_turn = if self.forward == backwards { std::f64::consts::PI } else { 0.0 };
         path.beside(s, self.right)
             * Pose::from_parts(
                 Translation3::new(side, 0.0, 0.0),

@@ -186,7 +186,7 @@ pub(crate) fn pavement_things(site: &mut Site, range: [f64; 2], profile: Profile
     let mut rng = site.random(0x30);
     let catalog = site.catalog;
     let edge = profile.kerb + 0.45;
-    let with_trees = hash(site.seed, &[0x31]) % 3 != 0;
+    let with_trees = !hash(site.seed, &[0x31]).is_multiple_of(3);
     for side in [-1.0, 1.0] {
         let turn = if side > 0.0 { 0.0 } else { PI };
         let phase = rng.random_range(2.0..6.0);

@@ -98,9 +98,8 @@ impl Variation {
         match self {
             Self::Fog => Air { fog: 0.030, rain: 0.0, wetness: 0.15 },
             Self::Rain => Air { fog: 0.004, rain: 0.6, wetness: 0.85 },
-            Self::Overcast => Air { fog: 0.0010, rain: 0.0, wetness: 0.0 },
+            Self::Overcast | Self::Sunset => Air { fog: 0.0010, rain: 0.0, wetness: 0.0 },
             Self::Morning => Air { fog: 0.0015, rain: 0.0, wetness: 0.05 },
-            Self::Sunset => Air { fog: 0.0010, rain: 0.0, wetness: 0.0 },
             _ => Air { fog: 0.0004, rain: 0.0, wetness: 0.0 },
         }
     }

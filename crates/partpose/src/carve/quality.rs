@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use crate::dataset::{Frame, SequenceId};
 use crate::parts::{PartClass, PartMask};
+use crate::pose::dense::MaskBias;
 use crate::vehicle::VehicleModel;
 
 use super::Progress;
@@ -41,11 +42,13 @@ const REACH: f64 = 0.15;
 pub struct QualityOptions {
     /// Least height of the annotated box, pixels.
     pub min_height: f64,
+    /// How far masks lie off the true outlines.
+    pub mask_bias: Option<MaskBias>,
 }
 
 impl Default for QualityOptions {
     fn default() -> Self {
-        Self { min_height: 60.0 }
+        Self { min_height: 60.0, mask_bias: None }
     }
 }
 
@@ -121,9 +124,10 @@ pub fn measure_quality(
         let read: Vec<Vec<Candidate>> = batch
             .par_iter()
             .map(|(frame, rows)| {
-                frame
-                    .read_parts()
-                    .map_or_else(|_| Vec::new(), |mask| free_views(frame, &mask, rows))
+                frame.read_parts().map_or_else(
+                    |_| Vec::new(),
+                    |mask| free_views(frame, &mask, rows, options.mask_bias.as_ref()),
+                )
             })
             .collect();
         for candidate in read.into_iter().flatten() {
@@ -158,9 +162,10 @@ fn free_views<'a>(
     frame: &'a Frame,
     mask: &PartMask,
     rows: &[(usize, usize)],
+    bias: Option<&MaskBias>,
 ) -> Vec<Candidate<'a>> {
     let views = rows.iter().filter_map(|(row, model)| {
-        let view = view_of_row(frame, mask, *row)?;
+        let view = view_of_row(frame, mask, *row, bias)?;
         let free = view.known >= 1.0 - MAX_HIDDEN
             && ambiguous(&view) <= MAX_AMBIGUOUS
             && gaps(&view) <= MAX_GAPS;

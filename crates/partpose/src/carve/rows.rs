@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use crate::dataset::{Frame, SequenceId};
+use crate::pose::dense::MaskBias;
 
 use super::view::{View, view_of_row};
 use super::{CarveError, CarveOptions, Progress, Skipped};
@@ -87,6 +88,7 @@ pub(super) fn read_views(
     frames: &[Frame],
     rows: &[Row],
     names: &[String],
+    bias: Option<&MaskBias>,
     skipped: &mut Vec<Skipped>,
     observer: &mut dyn FnMut(Progress),
 ) -> Vec<Vec<View>> {
@@ -109,7 +111,7 @@ pub(super) fn read_views(
                     source: Box::new(source),
                 })?;
                 let made = rows.iter().filter_map(|row| {
-                    let mut view = view_of_row(frame, &mask, row.vehicle)?;
+                    let mut view = view_of_row(frame, &mask, row.vehicle, bias)?;
                     view.track = row.track;
                     Some((row.model, view))
                 });

@@ -8,6 +8,7 @@
 use crate::dataset::Frame;
 use crate::geometry::{Camera, Extent, Point3, Pose, Rect, Vector3};
 use crate::parts::{PartClass, PartMask};
+use crate::pose::dense::MaskBias;
 use crate::render::{Instance, LabelImage, render_labels};
 use crate::vehicle::Mesh;
 
@@ -115,7 +116,14 @@ impl View {
 }
 
 /// The view of one row of a frame; `None` where too little of it can be seen to be of use.
-pub(super) fn view_of_row(frame: &Frame, mask: &PartMask, row: usize) -> Option<View> {
+///
+/// `bias` says how far masks lie off the true outlines; the view's camera sees the vehicle as the mask shows it.
+pub(super) fn view_of_row(
+    frame: &Frame,
+    mask: &PartMask,
+    row: usize,
+    bias: Option<&MaskBias>,
+) -> Option<View> {
     let vehicle = frame.vehicles.get(row)?;
     let cuboid = &vehicle.cuboid;
     let corners = cuboid.corners();
@@ -137,7 +145,7 @@ pub(super) fn view_of_row(frame: &Frame, mask: &PartMask, row: usize) -> Option<
     if x1 <= x0 + 4 || y1 <= y0 + 4 {
         return None;
     }
-    let mut camera = frame.camera;
+    let mut camera = bias.map_or(frame.camera, |bias| bias.camera(&frame.camera, cuboid));
     camera.size = [x1 - x0, y1 - y0];
     camera.principal_point[0] -= f64::from(x0);
     camera.principal_point[1] -= f64::from(y0);

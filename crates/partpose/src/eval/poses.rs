@@ -10,8 +10,8 @@ use crate::geometry::{Cuboid, EulerAngles, wrap_angle};
 /// One estimate against its truth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PoseDeviation {
-    /// Whether the predicted model is the true one.
-    pub model_is_right: bool,
+    /// Whether the predicted model is the true one; `None` where the zoo has no model by the label's name.
+    pub model_is_right: Option<bool>,
     /// Intersection over union of the two cuboids.
     pub iou3d: f64,
     /// Absolute differences of the bottom-face centres along the camera's axes, metres.
@@ -33,7 +33,7 @@ pub fn pose_deviation(predicted: &Cuboid, truth: &Cuboid, model_is_right: bool) 
     };
     let (p, t) = (angles(predicted), angles(truth));
     PoseDeviation {
-        model_is_right,
+        model_is_right: Some(model_is_right),
         iou3d: predicted.iou(truth),
         translation: [difference.x.abs(), difference.y.abs(), difference.z.abs()],
         rotation: [p.x - t.x, p.y - t.y, p.z - t.z].map(|turn| wrap_angle(turn).abs()),
@@ -53,7 +53,7 @@ pub struct PoseScores {
     pub count: usize,
     /// Share of detections without a pose.
     pub unfittable: f64,
-    /// Share with the right model.
+    /// Share with the right model, of those where it is known which one that is.
     pub model_precision: f64,
     /// Mean 3D IoU.
     pub mean_iou3d: f64,
@@ -115,7 +115,11 @@ pub fn summarize(scored: impl IntoIterator<Item = Scored>) -> PoseScores {
     PoseScores {
         count: all.len(),
         unfittable: 1.0 - n / all.len() as f64,
-        model_precision: mean(&|d| f64::from(u8::from(d.model_is_right))),
+        model_precision: {
+            let known = || fitted.iter().filter_map(|d| d.model_is_right);
+            // 0 / 0 is NaN, as is meant.
+            known().filter(|right| *right).count() as f64 / known().count() as f64
+        },
         mean_iou3d,
         median_iou3d: median(&|d| d.iou3d),
         mean_iou3d_all: mean_iou3d * n / all.len() as f64,

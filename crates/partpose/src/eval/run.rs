@@ -1,8 +1,11 @@
-//! Poses of all labelled vehicles of some frames, by the oracle, under several configurations at once.
+//! Poses of all labelled vehicles of some frames under several configurations at once, from detections of the oracle or
+//! from a detector's.
+
+use std::time::Instant;
 
 use rayon::prelude::*;
 
-use crate::dataset::{DatasetError, Frame};
+use crate::dataset::{DatasetError, Frame, VehicleLabel};
 use crate::detection::Detection;
 use crate::oracle::{Degradation, Oracle, OracleBox, OracleOptions, strength_for_accuracy};
 use crate::parts::Scaling;
@@ -10,6 +13,9 @@ use crate::pose::dense::SizePrior;
 use crate::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator, PoseOptions};
 use crate::vehicle::ModelZoo;
 
+use super::matching::{MatchOptions, TruthBoxes, match_detections};
+use super::scene::{self, Fitted, SceneProtocol};
+use super::uncertainty::{Sureness, sureness};
 use super::{PoseDeviation, Scored, pose_deviation};
 
 /// What is compared: a row of one of the paper's tables.
@@ -47,11 +53,16 @@ pub struct EvaluationOptions<'a> {
     pub extent: TruthExtent,
     /// Which boxes detections get.
     pub bounds: OracleBox,
-    /// Which labelled vehicles of a frame count; rows to ignore and models that the zoo lacks never do.
+    /// Which labelled vehicles of a frame count; rows to ignore never do, nor with the oracle those whose models the zoo
+    /// lacks.
     pub include: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
+    /// Which models of the zoo are right for a label's model name; with none the choice of the model is not judged.
+    pub right_models: &'a (dyn Fn(&str) -> Vec<usize> + Sync),
     /// Whose detections are kept, by frame and index of the configuration, to be drawn; all of them would fill the
     /// memory.
     pub keep_detections: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
+    /// How the vehicles of a frame are fitted together; each alone if not given.
+    pub scene: Option<SceneProtocol>,
 }
 
 /// What became of one vehicle under one configuration.
@@ -65,8 +76,12 @@ pub struct VehicleOutcome {
     pub estimate: Result<PoseEstimate, NoPose>,
     /// Its deviation from the truth.
     pub scored: Scored,
-    /// The paper's PA of the detection's mask.
-    pub pixel_accuracy: f64,
+    /// What the dense fit said of itself, against the truth, where it is known which model is right.
+    pub sureness: Option<Sureness>,
+    /// Seconds that the estimate took on one thread, with whatever else the machine did then.
+    pub seconds: f64,
+    /// The paper's PA of the detection's mask; `None` where the frame has no part mask.
+    pub pixel_accuracy: Option<f64>,
 }
 
 /// What became of the vehicles of one frame: one list a configuration, all of the same vehicles.
@@ -116,52 +131,175 @@ fn evaluate_frame(
     let oracle = Oracle::new(frame, frame.read_parts()?, options.zoo);
     let run = |(index, (configuration, estimator)): (usize, (&Configuration, &PoseEstimator))| {
         let keep = (options.keep_detections)(frame, index);
-        let one = |vehicle: &usize| {
-            let outcome =
-                evaluate_vehicle(frame, *vehicle, options, &oracle, (configuration, estimator));
+        let stage = (configuration, estimator);
+        let mut fitted = match &options.scene {
+            Some(protocol) => scene::fit(frame, options, protocol, &oracle, stage),
+            None => vehicles.iter().map(|v| alone(frame, *v, options, &oracle, stage)).collect(),
+        };
+        fitted.retain(|fitted| vehicles.contains(&fitted.vehicle));
+        let one = |fitted: Fitted| {
+            let outcome = outcome(frame, fitted, options, (Some(&oracle), configuration));
             VehicleOutcome { detection: outcome.detection.filter(|_| keep), ..outcome }
         };
-        vehicles.iter().map(one).collect()
+        fitted.into_iter().map(one).collect()
     };
     Ok(configurations.iter().zip(estimators).enumerate().map(run).collect())
 }
 
-fn evaluate_vehicle(
+/// Where a vehicle's size comes from.
+pub(super) fn extent_source(extent: TruthExtent, label: &VehicleLabel) -> ExtentSource {
+    match extent {
+        TruthExtent::PerAxis => ExtentSource::Given(label.cuboid.extent),
+        TruthExtent::Uniform => ExtentSource::GivenUniform(label.cuboid.extent),
+        TruthExtent::None => ExtentSource::Model,
+        TruthExtent::Free => ExtentSource::Free(SizePrior::around(None)),
+    }
+}
+
+/// One vehicle of the oracle's by itself.
+fn alone(
     frame: &Frame,
     vehicle: usize,
     options: &EvaluationOptions,
     oracle: &Oracle,
     (configuration, estimator): (&Configuration, &PoseEstimator),
-) -> VehicleOutcome {
-    let label = &frame.vehicles[vehicle];
+) -> Fitted {
     let oracle_options = OracleOptions {
         kernel: configuration.kernel,
         bounds: options.bounds,
         degradation: configuration.degradation,
     };
-    let detection = oracle.detection(vehicle, &oracle_options);
-    let extent = match options.extent {
-        TruthExtent::PerAxis => ExtentSource::Given(label.cuboid.extent),
-        TruthExtent::Uniform => ExtentSource::GivenUniform(label.cuboid.extent),
-        TruthExtent::None => ExtentSource::Model,
-        TruthExtent::Free => ExtentSource::Free(SizePrior::around(None)),
-    };
+    by_itself(frame, vehicle, options, oracle.detection(vehicle, &oracle_options), estimator)
+}
+
+/// The pose of one detection, whatever is around it.
+fn by_itself(
+    frame: &Frame,
+    vehicle: usize,
+    options: &EvaluationOptions,
+    detection: Option<Detection>,
+    estimator: &PoseEstimator,
+) -> Fitted {
+    let extent = extent_source(options.extent, &frame.vehicles[vehicle]);
+    let start = Instant::now();
     let estimate = match &detection {
         Some(detection) => estimator.estimate(&frame.camera, detection, &extent),
         None => Err(NoPose::TooFewCorrespondences { found: 0, seen: 0 }),
     };
-    let scored = estimate.as_ref().ok().map(|estimate| deviation(frame, vehicle, estimate));
-    let scaling = configuration.pose.scaling;
-    let pixel_accuracy = detection
-        .as_ref()
-        .map_or(0.0, |d| accuracy(oracle, vehicle, d, frame.camera.size, scaling));
-    VehicleOutcome { vehicle, detection, estimate, scored, pixel_accuracy }
+    Fitted { vehicle, detection, estimate, seconds: start.elapsed().as_secs_f64() }
 }
 
-fn deviation(frame: &Frame, vehicle: usize, estimate: &PoseEstimate) -> PoseDeviation {
+/// Evaluates what a detector says of frames: poses of the assigned detections ([`super::matching`]) with at least the
+/// score `min_score`, as in the paper.
+///
+/// `detections` gives those of a frame by its place in the list. A vehicle that is not found has no outcome. Where a
+/// frame has no part mask, pixel accuracies are `None`; the configurations' kernels and degradations have no say.
+pub fn evaluate_detections(
+    frames: &[Frame],
+    detections: &(dyn Fn(usize) -> Vec<Detection> + Sync),
+    min_score: f64,
+    options: &EvaluationOptions,
+    configurations: &[Configuration],
+    progress: Progress,
+) -> Vec<FrameOutcome> {
+    let estimators: Vec<PoseEstimator> = configurations
+        .iter()
+        .map(|configuration| PoseEstimator::new(options.zoo, &configuration.pose))
+        .collect();
+    let one = |(index, frame): (usize, &Frame)| {
+        let found = detections(index).into_iter().filter(|found| found.score >= min_score);
+        let outcome =
+            evaluate_found(frame, &found.collect::<Vec<_>>(), options, configurations, &estimators);
+        progress();
+        outcome
+    };
+    frames.par_iter().enumerate().map(one).collect()
+}
+
+fn evaluate_found(
+    frame: &Frame,
+    detections: &[Detection],
+    options: &EvaluationOptions,
+    configurations: &[Configuration],
+    estimators: &[PoseEstimator],
+) -> FrameOutcome {
+    let (truths, vehicles) = TruthBoxes::of_frame(frame, &|vehicle| {
+        (options.include)(frame, vehicle).then(|| frame.vehicles[vehicle].bounds)
+    });
+    let boxes: Vec<_> = detections.iter().map(|found| (found.bounds, found.score)).collect();
+    let verdicts = match_detections(&boxes, &truths, &MatchOptions::default());
+    let mut assigned: Vec<(usize, &Detection)> = verdicts
+        .iter()
+        .zip(detections)
+        .filter_map(|(verdict, detection)| Some((vehicles[verdict.truth()?], detection)))
+        .collect();
+    if assigned.is_empty() {
+        return Ok(vec![Vec::new(); configurations.len()]);
+    }
+    assigned.sort_by_key(|(vehicle, _)| *vehicle);
+    let oracle = match &frame.parts {
+        Some(_) => Some(Oracle::new(frame, frame.read_parts()?, options.zoo)),
+        None => None,
+    };
+    let assigned: Vec<(usize, Option<Detection>)> = assigned
+        .into_iter()
+        .map(|(vehicle, detection)| (vehicle, Some(detection.clone())))
+        .collect();
+    let run = |(index, (configuration, estimator)): (usize, (&Configuration, &PoseEstimator))| {
+        let keep = (options.keep_detections)(frame, index);
+        let fitted = match &options.scene {
+            Some(protocol) => {
+                scene::fit_detections(frame, options, protocol, assigned.clone(), estimator)
+            }
+            None => assigned
+                .iter()
+                .map(|(vehicle, found)| {
+                    by_itself(frame, *vehicle, options, found.clone(), estimator)
+                })
+                .collect(),
+        };
+        let one = |fitted: Fitted| {
+            let outcome = outcome(frame, fitted, options, (oracle.as_ref(), configuration));
+            VehicleOutcome { detection: outcome.detection.filter(|_| keep), ..outcome }
+        };
+        fitted.into_iter().map(one).collect()
+    };
+    Ok(configurations.iter().zip(estimators).enumerate().map(run).collect())
+}
+
+/// A fit against the truth; `oracle` knows the true part mask.
+fn outcome(
+    frame: &Frame,
+    fitted: Fitted,
+    options: &EvaluationOptions,
+    (oracle, configuration): (Option<&Oracle>, &Configuration),
+) -> VehicleOutcome {
+    let Fitted { vehicle, detection, estimate, seconds } = fitted;
     let label = &frame.vehicles[vehicle];
-    let is_right = label.model.as_deref() == Some(estimate.model.as_str());
-    pose_deviation(&estimate.cuboid(), &label.cuboid, is_right)
+    let scored =
+        estimate.as_ref().ok().map(|estimate| deviation(frame, vehicle, options, estimate));
+    let sureness = match (&estimate, scored.and_then(|scored| scored.model_is_right)) {
+        (Ok(estimate), Some(right)) => sureness(estimate, &label.cuboid, right),
+        _ => None,
+    };
+    let scaling = configuration.pose.scaling;
+    let pixel_accuracy = oracle.map(|oracle| {
+        detection.as_ref().map_or(0.0, |d| accuracy(oracle, vehicle, d, frame.camera.size, scaling))
+    });
+    VehicleOutcome { vehicle, detection, estimate, scored, sureness, seconds, pixel_accuracy }
+}
+
+fn deviation(
+    frame: &Frame,
+    vehicle: usize,
+    options: &EvaluationOptions,
+    estimate: &PoseEstimate,
+) -> PoseDeviation {
+    let label = &frame.vehicles[vehicle];
+    let right = label.model.as_deref().map_or(Vec::new(), options.right_models);
+    let is_right = right.contains(&estimate.model_index);
+    let deviation = pose_deviation(&estimate.cuboid(), &label.cuboid, is_right);
+    PoseDeviation { model_is_right: (!right.is_empty()).then_some(is_right), ..deviation }
 }
 
 /// The paper's PA: right pixels of the detection box at image resolution, background included.

@@ -32,12 +32,20 @@ pub struct BopModelInfo {
     pub size_z: f64,
 }
 
-/// The lines of a results file: `scene_id,im_id,obj_id,score,R,t,time`, for images with their ids in one scene.
+/// Scene and image of a name in the benchmark's layout: `000002/rgb/000007.png` is image 7 of scene 2.
+pub fn bop_image_ids(name: &str) -> Option<[u32; 2]> {
+    let parts: Vec<&str> = name.split('/').collect();
+    let [.., scene, _, image] = parts.as_slice() else { return None };
+    let image = image.split('.').next()?;
+    Some([scene.parse().ok()?, image.parse().ok()?])
+}
+
+/// The lines of a results file: `scene_id,im_id,obj_id,score,R,t,time`, for images with the ids of scene and image.
 ///
 /// Vehicles whose model has no id are left out.
-pub fn bop_csv(scene: u32, images: &[(u32, PosedImage)], ids: &BTreeMap<String, u32>) -> String {
+pub fn bop_csv(images: &[([u32; 2], &PosedImage)], ids: &BTreeMap<String, u32>) -> String {
     let mut text = "scene_id,im_id,obj_id,score,R,t,time\n".to_owned();
-    for (image_id, image) in images {
+    for ([scene, image_id], image) in images {
         for vehicle in &image.vehicles {
             let Some(id) = ids.get(&vehicle.model) else { continue };
             let pose = &vehicle.cuboid.camera_from_vehicle;
@@ -112,7 +120,7 @@ mod tests {
     fn lines_are_read_back_as_they_were() {
         let image = posed();
         let ids = BTreeMap::from([("sedan".to_owned(), 4)]);
-        let text = bop_csv(1, &[(7, image.clone())], &ids);
+        let text = bop_csv(&[([1, 7], &image)], &ids);
         let found = parse_estimates(Path::new("a.csv"), &text).unwrap();
         assert_eq!(found.len(), 2);
         for (found, vehicle) in found.iter().zip(&image.vehicles) {
@@ -122,7 +130,14 @@ mod tests {
             assert!((found.pose.rotation - rotation).abs().max() < 1e-12);
             assert!((found.pose.translation - 1000.0 * pose.translation.vector).norm() < 1e-9);
         }
-        assert_eq!(bop_csv(1, &[(7, image)], &BTreeMap::new()).lines().count(), 1);
+        assert_eq!(bop_csv(&[([1, 7], &image)], &BTreeMap::new()).lines().count(), 1);
+    }
+
+    #[test]
+    fn names_in_the_layout_of_the_benchmark_tell_their_ids() {
+        assert_eq!(bop_image_ids("test/000002/rgb/000007.png"), Some([2, 7]));
+        assert_eq!(bop_image_ids("000002/rgb/x.png"), None);
+        assert_eq!(bop_image_ids("000007.png"), None);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use nalgebra::{Matrix3, UnitQuaternion};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::files::{self, FileError};
 use crate::geometry::{Camera, Cuboid, Extent, Pose, Rect, Rotation3, Vector3};
@@ -27,6 +27,12 @@ pub enum ResultFileError {
         path: std::path::PathBuf,
         /// What the parser says, with its place.
         source: serde_json::Error,
+    },
+    /// A camera that nobody has.
+    #[error("`{path}` has a camera that makes no sense")]
+    Camera {
+        /// The file.
+        path: std::path::PathBuf,
     },
     /// A vehicle that makes no sense.
     #[error("`{path}`: vehicle {index} has a {what} that makes no sense")]
@@ -64,28 +70,45 @@ pub struct PosedVehicle {
     pub score: f64,
     /// Pose and extent.
     pub cuboid: Cuboid,
+    /// How much the fit trusts itself, 0 to 1, where it says so.
+    pub confidence: Option<f64>,
+    /// Root mean square distance of projected and seen part centres in pixels, where the fit rests on them.
+    pub reprojection_rmse: Option<f64>,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 struct ImageRecord {
     image: String,
     camera: Camera,
     vehicles: Vec<VehicleRecord>,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 struct VehicleRecord {
     bounds: [f64; 4],
     score: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pose: Option<PoseRecord>,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 struct PoseRecord {
     model: String,
+    /// Only where it was known without a zoo.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    category: Option<String>,
     translation: [f64; 3],
     rotation: [[f64; 3]; 3],
     extent: Extent,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    reprojection_rmse: Option<f64>,
+    #[serde(default, skip_serializing)]
+    dense: Option<DenseRecord>,
+}
+
+#[derive(Deserialize)]
+struct DenseRecord {
+    confidence: Option<f64>,
 }
 
 /// Reads the result of one image; `category` gives the category of a model by its name.
@@ -104,11 +127,21 @@ pub fn parse_result(
 ) -> Result<PosedImage, ResultFileError> {
     let record: ImageRecord = serde_json::from_slice(bytes)
         .map_err(|source| ResultFileError::Json { path: path.to_owned(), source })?;
+    let Camera { focal, principal_point, size } = &record.camera;
+    if focal.iter().any(|focal| !(1.0..=ABSURD).contains(focal))
+        || principal_point.iter().any(|value| !(value.abs() <= ABSURD))
+        || size.iter().any(|side| !(1..=files::MAX_IMAGE_SIDE).contains(side))
+    {
+        return Err(ResultFileError::Camera { path: path.to_owned() });
+    }
     let mut vehicles = Vec::new();
     for (index, vehicle) in record.vehicles.into_iter().enumerate() {
         let wrong = |what| ResultFileError::Vehicle { path: path.to_owned(), index, what };
         let Some(pose) = vehicle.pose else { continue };
         let sensible = |values: &[f64]| values.iter().all(|value| value.abs() <= ABSURD);
+        if !vehicle.score.is_finite() {
+            return Err(wrong("score"));
+        }
         if !sensible(&vehicle.bounds) {
             return Err(wrong("box"));
         }
@@ -129,10 +162,12 @@ pub fn parse_result(
         let place = Vector3::from(pose.translation);
         let [left, top, right, bottom] = vehicle.bounds;
         vehicles.push(PosedVehicle {
-            category: category(&pose.model),
+            category: pose.category.unwrap_or_else(|| category(&pose.model)),
             model: pose.model,
             bounds: Rect::new(left, top, right, bottom),
             score: vehicle.score,
+            confidence: pose.dense.and_then(|dense| dense.confidence),
+            reprojection_rmse: pose.reprojection_rmse,
             cuboid: Cuboid {
                 camera_from_vehicle: Pose::from_parts(place.into(), rotation),
                 extent: pose.extent,
@@ -140,6 +175,35 @@ pub fn parse_result(
         });
     }
     Ok(PosedImage { image: record.image, camera: record.camera, vehicles })
+}
+
+/// The JSON of an image whose poses come from elsewhere; [`parse_result`] reads it as it reads that of `fit`.
+pub fn result_json(image: &PosedImage) -> String {
+    let vehicle = |vehicle: &PosedVehicle| {
+        let bounds = &vehicle.bounds;
+        let pose = &vehicle.cuboid.camera_from_vehicle;
+        let rotation = pose.rotation.to_rotation_matrix();
+        let row = |i: usize| std::array::from_fn(|j| rotation[(i, j)]);
+        VehicleRecord {
+            bounds: [bounds.x_min, bounds.y_min, bounds.x_max, bounds.y_max],
+            score: vehicle.score,
+            pose: Some(PoseRecord {
+                model: vehicle.model.clone(),
+                category: Some(vehicle.category.clone()),
+                translation: pose.translation.vector.into(),
+                rotation: [row(0), row(1), row(2)],
+                extent: vehicle.cuboid.extent,
+                reprojection_rmse: vehicle.reprojection_rmse,
+                dense: None,
+            }),
+        }
+    };
+    let record = ImageRecord {
+        image: image.image.clone(),
+        camera: image.camera,
+        vehicles: image.vehicles.iter().map(vehicle).collect(),
+    };
+    serde_json::to_string_pretty(&record).expect("names and numbers can be written as JSON")
 }
 
 #[cfg(test)]
@@ -166,6 +230,8 @@ pub(super) mod tests {
                     ),
                     extent: Extent::new(1.8, 1.5, 4.4),
                 },
+                confidence: None,
+                reprojection_rmse: None,
             }
         };
         PosedImage {
@@ -193,6 +259,12 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn a_camera_that_nobody_has_is_refused() {
+        let said = parse(&JSON.replace("[1242, 375]", "[0, 375]")).unwrap_err();
+        assert_eq!(said, "`a.json` has a camera that makes no sense");
+    }
+
+    #[test]
     fn a_vehicle_that_makes_no_sense_is_named() {
         for (from, to, what) in [
             ("[0, 1, 0]", "[0, 2, 0]", "rotation"),
@@ -201,6 +273,18 @@ pub(super) mod tests {
         ] {
             let said = parse(&JSON.replace(from, to)).unwrap_err();
             assert_eq!(said, format!("`a.json`: vehicle 1 has a {what} that makes no sense"));
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let image = posed();
+        let text = result_json(&image);
+        let back = parse_result(Path::new("a.json"), text.as_bytes(), &|_| String::new()).unwrap();
+        assert_eq!((back.camera, &back.image), (image.camera, &image.image));
+        for (found, vehicle) in back.vehicles.iter().zip(&image.vehicles) {
+            assert_eq!((&found.model, &found.category), (&vehicle.model, &vehicle.category));
+            assert!(found.cuboid.iou(&vehicle.cuboid) > 1.0 - 1e-9);
         }
     }
 

@@ -5,8 +5,10 @@ use serde::Serialize;
 use crate::detection::Detection;
 use crate::geometry::{Camera, EulerAngles, Extent, Pose};
 use crate::parts::PartClass;
-use crate::pose::dense::{DenseFlag, DenseReport};
-use crate::pose::{Candidate, NoPose, PoseEstimate, PoseOptions};
+use crate::pose::dense::{DenseFlag, DenseReport, DepthAndSize, ModeKind};
+use crate::pose::{
+    Candidate, NoPose, PartState, PartVerdict, PoseEstimate, PoseOptions, Reason, reasons,
+};
 
 /// All detections of one image, with poses or with reasons.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -47,6 +49,8 @@ pub struct VehicleResult {
     /// Why there is no pose.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub no_pose: Option<String>,
+    /// Why there is no pose, or what limits what may be made of it; empty for a good pose of known size.
+    pub reasons: Vec<Reason>,
 }
 
 /// A pose as JSON.
@@ -72,6 +76,8 @@ pub struct PoseResult {
     pub correspondences: Vec<CorrespondenceResult>,
     /// How each model of the zoo fared.
     pub candidates: Vec<CandidateResult>,
+    /// What the mask shows of each part, against the model at its pose.
+    pub parts: Vec<PartResult>,
     /// What only the dense fit knows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dense: Option<DenseResult>,
@@ -88,15 +94,48 @@ pub struct DenseResult {
     /// centre's place in the camera frame (metres); then, where the size was free, of the logarithms of width, height
     /// and length.
     pub covariance: Vec<Vec<f64>>,
+    /// How distance and size trade off.
+    pub depth_and_size: DepthAndSize,
     /// The probability of each model of the zoo.
     pub model_probabilities: Vec<ModelProbability>,
     /// The best pose that is clearly another.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_mode: Option<SecondModeResult>,
-    /// 0 to 1: how much the fit trusts itself.
+    /// The probability that estimate and truth share more than half of their volumes.
     pub confidence: f64,
     /// What speaks against it.
     pub flags: Vec<DenseFlag>,
+}
+
+/// A part's state as JSON.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PartResult {
+    /// The part.
+    pub part: PartClass,
+    /// Whether mask and model agree on it.
+    pub verdict: PartVerdict,
+    /// How much they agree, 0 to 1.
+    pub agreement: f64,
+    /// `x_min, y_min, x_max, y_max` of its pixels in the mask.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bounds: Option<[f64; 4]>,
+    /// The middle of what is seen of it, pixels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub point_in_image: Option<[f64; 2]>,
+    /// What the mask shows of it, square pixels.
+    pub area: f64,
+    /// Mean probability where the mask has it.
+    pub probability: f64,
+    /// What the model shows of it, square pixels.
+    pub area_of_model: f64,
+    /// The share of that of which the mask says anything.
+    pub known_share: f64,
+    /// Middle of its visible surface in the camera frame, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub point_in_camera: Option<[f64; 3]>,
+    /// The same in the vehicle frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub point_in_vehicle: Option<[f64; 3]>,
 }
 
 /// A model's probability as JSON.
@@ -111,6 +150,8 @@ pub struct ModelProbability {
 /// Another pose that explains the mask, as JSON.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SecondModeResult {
+    /// What it exchanges.
+    pub kind: ModeKind,
     /// Its model's name.
     pub model: String,
     /// Bottom-face centre in the camera frame, metres.
@@ -181,6 +222,7 @@ pub fn image_result(
             score: detection.score,
             pose: outcome.as_ref().ok().map(pose_result),
             no_pose: outcome.as_ref().err().map(ToString::to_string),
+            reasons: reasons(outcome),
         };
     let vehicles = estimated.iter().map(vehicle).collect();
     ImageResult { image: image.to_owned(), camera: *camera, settings: settings.clone(), vehicles }
@@ -218,7 +260,24 @@ fn pose_result(estimate: &PoseEstimate) -> PoseResult {
             })
             .collect(),
         candidates: estimate.candidates.iter().map(candidate).collect(),
+        parts: estimate.parts.iter().map(part_result).collect(),
         dense: estimate.dense.as_ref().map(|report| dense_result(estimate, report)),
+    }
+}
+
+fn part_result(state: &PartState) -> PartResult {
+    PartResult {
+        part: state.part,
+        verdict: state.verdict,
+        agreement: state.agreement,
+        bounds: state.bounds.map(|b| [b.x_min, b.y_min, b.x_max, b.y_max]),
+        point_in_image: state.point_in_image.map(|point| point.coords.into()),
+        area: state.area,
+        probability: state.probability,
+        area_of_model: state.area_of_model,
+        known_share: state.known_share,
+        point_in_camera: state.point_in_camera.map(|point| point.coords.into()),
+        point_in_vehicle: state.point_in_vehicle.map(|point| point.coords.into()),
     }
 }
 
@@ -238,6 +297,7 @@ fn dense_result(estimate: &PoseEstimate, report: &DenseReport) -> DenseResult {
         energy: report.energy,
         foreground: report.foreground,
         covariance,
+        depth_and_size: report.depth_and_size,
         model_probabilities: report
             .model_probabilities
             .iter()
@@ -247,6 +307,7 @@ fn dense_result(estimate: &PoseEstimate, report: &DenseReport) -> DenseResult {
         second_mode: report.second_mode.as_ref().map(|mode| {
             let (translation, rotation) = placed(&mode.camera_from_vehicle);
             SecondModeResult {
+                kind: mode.kind,
                 model: name(mode.model_index),
                 translation,
                 rotation,

@@ -9,6 +9,7 @@ mod bias;
 mod energy;
 mod hypotheses;
 mod jacobian;
+mod judgement;
 mod lm;
 mod models;
 mod occluders;
@@ -27,11 +28,14 @@ use crate::geometry::{Camera, Extent, Pose};
 use crate::vehicle::ModelZoo;
 
 pub use bias::MaskBias;
+pub use judgement::{DenseFlag, DenseHypothesis, DenseReport, DepthAndSize, ModeKind, SecondMode};
 pub use priors::{DensePriors, GravityPrior, GroundPrior, SizePrior};
-pub use uncertainty::{DenseFlag, DenseReport, SecondMode};
+
+pub(super) use priors::across;
 
 use super::{ExtentSource, NoPose};
 use hypotheses::Outline;
+use judgement::{Evidence, Suspicion};
 use lm::Workspace;
 use models::{Candidate, DenseModel, Hypothesis, LEVELS, NARROW, Pyramid, WIDE};
 use priors::{SizeTerm, Terms};
@@ -39,17 +43,9 @@ use target::Target;
 
 /// Cells of a 28-cell kernel that must show the vehicle.
 const LEAST_EVIDENCE: f64 = 1.0;
-/// Cells below which a fit is flagged.
-const LITTLE_EVIDENCE: f64 = 12.0;
 /// Energy per foreground cell above which the search is widened: where the whole outline is the vehicle's own, and
 /// where the image or another vehicle cuts it.
 const DOUBT: [f64; 2] = [0.25, 0.12];
-/// Energy per foreground cell above which a fit is flagged as poor.
-const POOR: f64 = 0.25;
-/// How far a vehicle may reach beyond the mask's own outline, as a share of it. Cells end at the box, so the energy
-/// knows nothing of what lies beyond.
-const POOR_OVERSHOOT: f64 = 0.25;
-
 /// What the dense fit supposes of masks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -123,56 +119,19 @@ impl DenseZoo {
         if self.options.find_occluders {
             hidden = Self::pass_occluders(&mut work, &mut pyramid, &candidates, &mut best);
         }
-        let best_candidate = &candidates[best.model];
-        let view = pyramid.view(LEVELS.len() - 1, best_candidate);
-        let covariance = uncertainty::covariance(&mut work, &view, &best.scored);
-        let energy = best.scored.data / foreground;
-        let model_probabilities = uncertainty::model_probabilities(&found, candidates.len());
-        let second_mode = uncertainty::second_mode(&found, foreground);
-        let mut flags = Vec::new();
-        let mut flag = |raised: bool, flag: DenseFlag| {
-            if raised {
-                flags.push(flag);
-            }
-        };
-        let state = &best.scored.state;
-        flag(foreground < LITTLE_EVIDENCE, DenseFlag::LittleEvidence);
-        let overshoot = outline.overshoot(&best_candidate.model.vertices, state);
-        flag(energy > POOR || overshoot > POOR_OVERSHOOT, DenseFlag::PoorFit);
-        flag(!best.converged, DenseFlag::NotConverged);
-        flag(second_mode.is_some_and(|mode| mode.probability > 0.1), DenseFlag::AmbiguousPose);
-        let likeliest = model_probabilities.get(best.model).copied().unwrap_or(0.0);
-        flag(likeliest < 0.5, DenseFlag::AmbiguousModel);
-        flag(state.nearest() < 1.0, DenseFlag::TooNear);
-        flag(best_candidate.terms.size_deviation(state) > 3.0, DenseFlag::SizeAtPriorLimit);
-        flag(best_candidate.terms.ground_deviation(state) > 4.0, DenseFlag::OffGround);
-        flag(hidden > 0.0, DenseFlag::HiddenByUnlabelled);
+        let asked = Asked { camera, detection, extent, outline: &outline, hidden };
+        let report = report(&mut work, &pyramid, &candidates, (&best, &found), &asked);
         let energies = (0..candidates.len()).map(|index| {
             let of_model = found.iter().find(|h| h.model == index);
             of_model.map(|h| h.scored.data / foreground).ok_or(NoPose::NoStart)
         });
-        let is_free = matches!(extent, ExtentSource::Free(_));
+        let state = &best.scored.state;
         Ok(DenseFit {
             model: best.model,
             camera_from_vehicle: state.pose(),
             extent: state.extent(),
             candidates: energies.collect(),
-            report: DenseReport {
-                energy,
-                foreground,
-                covariance: covariance.fixed_view::<6, 6>(0, 0).into(),
-                covariance_with_size: is_free.then_some(covariance),
-                confidence: uncertainty::confidence(
-                    energy,
-                    overshoot,
-                    &model_probabilities,
-                    second_mode.as_ref(),
-                ),
-                model_probabilities,
-                second_mode,
-                flags,
-                pictures: work.pictures,
-            },
+            report,
         })
     }
 
@@ -208,5 +167,79 @@ impl DenseZoo {
             best.converged = descent.converged;
         }
         hidden
+    }
+}
+
+/// What a fit was asked, and what was found on the way.
+struct Asked<'a> {
+    camera: &'a Camera,
+    detection: &'a Detection,
+    extent: &'a ExtentSource,
+    outline: &'a Outline,
+    /// Share of the vehicle behind something unlabelled.
+    hidden: f64,
+}
+
+/// What is said of the best hypothesis.
+fn report(
+    work: &mut Workspace,
+    pyramid: &Pyramid,
+    candidates: &[Candidate],
+    (best, found): (&Hypothesis, &[Hypothesis]),
+    asked: &Asked,
+) -> DenseReport {
+    let foreground = pyramid.targets[LEVELS.len() - 1].foreground().max(LEAST_EVIDENCE);
+    let candidate = &candidates[best.model];
+    let view = pyramid.view(LEVELS.len() - 1, candidate);
+    let is_free = candidate.terms.size.is_some();
+    let size_is_unknown = matches!(asked.extent, ExtentSource::Model | ExtentSource::Free(_));
+    let unfitted = (size_is_unknown && !is_free)
+        .then(|| SizeTerm::new(&SizePrior::around(None), &candidate.model.extent))
+        .flatten();
+    let energy = best.scored.data / foreground;
+    let spread = uncertainty::covariance(work, &view, &best.scored, energy, unfitted.as_ref());
+    let covariance = spread.covariance;
+    let model_probabilities = judgement::model_probabilities(found, candidates.len());
+    let second_mode = judgement::second_mode(found, foreground);
+    let state = &best.scored.state;
+    let overshoot = asked.outline.overshoot(&candidate.model.vertices, state);
+    let evidence = Evidence {
+        energy,
+        foreground,
+        overshoot,
+        model: model_probabilities.get(best.model).copied().unwrap_or(0.0),
+        mode: second_mode.map_or(1.0, |second| 1.0 - second.probability),
+        depth: covariance[(5, 5)].sqrt() / (2.0 * state.half.z),
+        turn: covariance[(1, 1)].sqrt(),
+    };
+    let cut_by_image = judgement::is_cut(&asked.detection.bounds, asked.camera);
+    let suspicion = Suspicion {
+        evidence,
+        converged: best.converged,
+        nearest: state.nearest(),
+        size_deviation: candidate.terms.size_deviation(state),
+        ground_deviation: candidate.terms.ground_deviation(state),
+        hidden: asked.hidden,
+        cut_by_image,
+        hidden_by_vehicle: !asked.outline.is_whole() && !cut_by_image,
+        size_is_unknown,
+    };
+    DenseReport {
+        energy,
+        foreground,
+        overshoot,
+        covariance: covariance.fixed_view::<6, 6>(0, 0).into(),
+        covariance_with_size: is_free.then_some(covariance),
+        depth_and_size: judgement::depth_and_size(
+            &covariance,
+            spread.depth_variance_if_size_known,
+            is_free,
+        ),
+        confidence: judgement::confidence(&evidence),
+        model_probabilities,
+        second_mode,
+        hypotheses: judgement::kept(found, foreground),
+        flags: suspicion.flags(),
+        pictures: work.pictures,
     }
 }

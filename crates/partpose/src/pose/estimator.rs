@@ -11,6 +11,7 @@ use crate::vehicle::{Mesh, ModelZoo};
 
 use super::dense::{DenseFit, DenseOptions, DensePriors, DenseReport, DenseZoo, SizePrior};
 use super::fit::{self, Fit, Problem};
+use super::observed::{self, PartState, Placed};
 use super::visible::{self, View, Viewpoint};
 use super::{Center2d, Center3d, PartFilters, model_centers, part_evidence};
 
@@ -162,6 +163,8 @@ pub struct PoseEstimate {
     pub candidates: Vec<Candidate>,
     /// What only the dense fit knows.
     pub dense: Option<DenseReport>,
+    /// What the mask shows of each part; empty until [`PoseEstimator::observe`] has looked.
+    pub parts: Vec<PartState>,
 }
 
 impl PoseEstimate {
@@ -295,6 +298,19 @@ impl PoseEstimator {
         self.choose(fits, camera, extent)
     }
 
+    /// What the detection's mask shows of each part, against the estimate's model at its pose; kept in
+    /// [`PoseEstimate::parts`].
+    pub fn observe(&self, camera: &Camera, detection: &Detection, estimate: &mut PoseEstimate) {
+        let Some(model) = self.models.get(estimate.model_index) else { return };
+        let placed = Placed {
+            mesh: &model.mesh,
+            scale: estimate.scale,
+            camera_from_vehicle: estimate.camera_from_vehicle,
+            is_closed: model.is_closed,
+        };
+        estimate.parts = observed::part_states(camera, detection, &placed);
+    }
+
     /// The model with the lowest error; of equals the first.
     fn choose(
         &self,
@@ -338,6 +354,7 @@ impl PoseEstimator {
             correspondences: correspondences.collect(),
             candidates,
             dense: None,
+            parts: Vec::new(),
         })
     }
 
@@ -358,6 +375,7 @@ impl PoseEstimator {
             correspondences: Vec::new(),
             candidates: self.models.iter().zip(&fit.candidates).map(candidate).collect(),
             dense: Some(fit.report),
+            parts: Vec::new(),
         })
     }
 

@@ -236,7 +236,7 @@ pub(super) fn split(glb: &[u8]) -> Result<(&[u8], &[u8]), GlbError> {
 }
 
 /// A GLB of a JSON text and bytes.
-pub(super) fn join(mut json: Vec<u8>, mut bytes: Vec<u8>) -> Vec<u8> {
+pub(crate) fn join(mut json: Vec<u8>, mut bytes: Vec<u8>) -> Vec<u8> {
     json.resize(json.len().next_multiple_of(4), b' ');
     bytes.resize(bytes.len().next_multiple_of(4), 0);
     let mut glb = Vec::with_capacity(28 + json.len() + bytes.len());

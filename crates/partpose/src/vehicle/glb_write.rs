@@ -140,7 +140,7 @@ fn push_view(root: &mut Root, bytes: &mut Vec<u8>, content: Vec<u8>, target: u32
 }
 
 /// IEC 61966-2-1; glTF's colour factors are linear. Six digits, so that no library's rounding shows in the file.
-fn linear_from_srgb(value: u8) -> f64 {
+pub(crate) fn linear_from_srgb(value: u8) -> f64 {
     let value = f64::from(value) / 255.0;
     let linear = if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
     (linear * 1e6).round() / 1e6

@@ -64,7 +64,7 @@ pub enum Mark {
 }
 
 /// Colours that stay apart for most colour-blind readers (Okabe and Ito, 2008), yellow left out.
-const PALETTE: [[u8; 3]; 7] = [
+pub(super) const PALETTE: [[u8; 3]; 7] = [
     [0, 114, 178],
     [213, 94, 0],
     [0, 158, 115],
@@ -149,21 +149,21 @@ pub fn panels(pictures: &[RgbImage], columns: usize) -> RgbImage {
 }
 
 /// All coordinates of one axis.
-fn values(plot: &Plot, axis: usize) -> Vec<f64> {
+pub(super) fn values(plot: &Plot, axis: usize) -> Vec<f64> {
     plot.series.iter().flat_map(|series| series.points.iter().map(|point| point[axis])).collect()
 }
 
 /// From values to pixels.
-struct Ruler {
+pub(super) struct Ruler {
     /// Ends, after the logarithm if there is one.
     ends: [f64; 2],
     pixels: [f64; 2],
     logarithmic: bool,
-    ticks: Vec<(f64, String)>,
+    pub(super) ticks: Vec<(f64, String)>,
 }
 
 impl Ruler {
-    fn new(axis: &Axis, values: &[f64], pixels: [f64; 2]) -> Self {
+    pub(super) fn new(axis: &Axis, values: &[f64], pixels: [f64; 2]) -> Self {
         let map = |value: f64| if axis.logarithmic { value.log10() } else { value };
         let known = axis.range.map_or_else(|| values.to_vec(), |range| range.to_vec());
         let known = known.into_iter().map(map).filter(|value| value.is_finite());
@@ -191,13 +191,13 @@ impl Ruler {
         Self { ends: [low, high], pixels, logarithmic: axis.logarithmic, ticks }
     }
 
-    fn place(&self, mapped: f64) -> f64 {
+    pub(super) fn place(&self, mapped: f64) -> f64 {
         let share = (mapped - self.ends[0]) / (self.ends[1] - self.ends[0]);
         self.pixels[0] + share * (self.pixels[1] - self.pixels[0])
     }
 
     /// Where a value lies; values a little outside end up on the border.
-    fn pixel(&self, value: f64) -> Option<f64> {
+    pub(super) fn pixel(&self, value: f64) -> Option<f64> {
         let mapped = if self.logarithmic { value.log10() } else { value };
         let [low, high] = self.ends;
         let slack = high - low;

@@ -1,13 +1,15 @@
 //! `partpose evaluate bop`: recalls of the BOP benchmark under MSSD, MSPD and ADD.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::Context;
 use partpose::eval::Table;
 use partpose::eval::bop::{
-    BopFolders, BopRecalls, BopScores, parse_estimates, read_bop, score_bop,
+    BopEstimate, BopFolders, BopRecalls, BopScores, parse_estimates, read_bop, score_bop,
 };
 use partpose::files::{self, RgbImage};
+use partpose::formats::bop::{bop_csv, bop_image_ids};
 use partpose::viz::{Axis, Mark, Plot, Series, panels, plot};
 use serde_json::{Value, json};
 
@@ -48,8 +50,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         .or_else(|| scores::nearby(&places.labels, "test_targets_bop19.json"));
     let folders = BopFolders { scenes: places.labels.clone(), models, targets };
     let set = read_bop(&folders, image_width(arguments)?)?;
-    let path = scores::only_file(&places.results, "csv", "--results")?;
-    let estimates = parse_estimates(&path, &files::read_text(&path)?)?;
+    let estimates = read_estimates(arguments)?;
     files::create_folder(&places.out)?;
     let scored = score_bop(&set, &estimates);
     scores::write(
@@ -61,6 +62,35 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let said = format!("{} targets in {} images", scored.targets, set.images.len());
     let left_out = [(scored.unused, "estimates that no target asks for")];
     scores::finish(&places.out, &said, &left_out)
+}
+
+/// BOP's CSV, or the results of `fit` on images and models whose names tell their ids.
+fn read_estimates(arguments: &Arguments) -> anyhow::Result<Vec<BopEstimate>> {
+    let results = &arguments.places.results;
+    let Some(images) = scores::own_results(results)? else {
+        let path = scores::only_file(results, "csv", "--results")?;
+        return Ok(parse_estimates(&path, &files::read_text(&path)?)?);
+    };
+    let ids = |image| {
+        let unknown = || {
+            let error = anyhow::anyhow!("the name `{image}` does not tell a scene and an image");
+            hint(error, "images are called as in the benchmark: `000002/rgb/000007.png`")
+        };
+        bop_image_ids(image).ok_or_else(unknown)
+    };
+    let mut objects = BTreeMap::new();
+    for vehicle in images.iter().flat_map(|image| &image.vehicles) {
+        let id = vehicle.model.strip_prefix("obj_").and_then(|id| id.parse::<u32>().ok());
+        let unknown = || {
+            let name = &vehicle.model;
+            let error = anyhow::anyhow!("the name of the model `{name}` does not tell its id");
+            hint(error, "call the zoo's models as in the benchmark: `obj_000001`")
+        };
+        objects.insert(vehicle.model.clone(), id.ok_or_else(unknown)?);
+    }
+    let keyed: anyhow::Result<Vec<_>> =
+        images.iter().map(|image| Ok((ids(&image.image)?, image))).collect();
+    Ok(parse_estimates(results, &bop_csv(&keyed?, &objects))?)
 }
 
 fn image_width(arguments: &Arguments) -> anyhow::Result<f64> {

@@ -1,13 +1,17 @@
 //! `partpose evaluate coco`: COCO's average precision and recall of boxes and masks.
 
+use std::path::Path;
+
 use clap::ValueEnum;
 use partpose::eval::Table;
-use partpose::eval::coco::{CocoOverlap, CocoScores, CocoSet, read_coco, score_coco};
+use partpose::eval::coco::{CocoOverlap, CocoScores, CocoSet, parse_coco, read_coco, score_coco};
 use partpose::files::{self, RgbImage};
+use partpose::formats::{coco_results, read_coco_ids};
 use partpose::viz::{Axis, Mark, Plot, Series, panels, plot};
 use serde_json::{Map, Value, json};
 
 use super::scores::{self, Places};
+use crate::commands::export::with_coco_ids;
 use crate::report::{Outcome, hint};
 
 #[derive(clap::Args)]
@@ -35,8 +39,7 @@ const OVERLAPS: [(OverlapFlag, &str, CocoOverlap); 2] = [
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let places = &arguments.places;
     let labels = scores::only_file(&places.labels, "json", "--labels")?;
-    let results = scores::only_file(&places.results, "json", "--results")?;
-    let set = read_coco(&labels, &results)?;
+    let set = read_set(&labels, &places.results)?;
     let chosen: Vec<_> = OVERLAPS
         .into_iter()
         .filter(|(flag, _, overlap)| match arguments.overlap {
@@ -68,6 +71,18 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let said = format!("{results} results in {} images", set.images.len());
     let left_out = [(set.unknown_categories, "results of categories that the labels do not have")];
     scores::finish(&places.out, &said, &left_out)
+}
+
+/// COCO's own list of results, or the results of `fit`, whose images are found by their names.
+fn read_set(labels: &Path, results: &Path) -> anyhow::Result<CocoSet> {
+    let Some(images) = scores::own_results(results)? else {
+        let results = scores::only_file(results, "json", "--results")?;
+        return Ok(read_coco(labels, &results)?);
+    };
+    let ids = read_coco_ids(labels)?;
+    let found = coco_results(&with_coco_ids(&images, &ids)?, &ids);
+    let text = serde_json::to_string(&found)?;
+    Ok(parse_coco((labels, &files::read(labels)?), (results, text.as_bytes()))?)
 }
 
 fn metrics(set: &CocoSet, scored: &[(&str, CocoScores)]) -> Value {

@@ -1,51 +1,64 @@
 //! `partpose evaluate poses`: the paper's Tables III to V, or one configuration.
 
 mod bias;
+mod compare;
 mod frames;
 mod output;
 mod pictures;
+mod predicted;
 mod rows;
+mod scene;
+mod uncertainty;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
+use anyhow::Context;
 use clap::ValueEnum;
 use partpose::dataset::folds::Folds;
 use partpose::dataset::{Dataset, Frame};
+use partpose::eval::model_names::ModelNames;
 use partpose::eval::{
-    Configuration, EvaluationOptions, Stratum, TruthExtent, VehicleOutcome, evaluate_frames,
+    Configuration, EvaluationOptions, SceneProtocol, Stratum, TruthExtent, VehicleOutcome,
+    evaluate_frames,
 };
 use partpose::files;
 use partpose::oracle::OracleBox;
 use partpose::vehicle::ModelZoo;
 
-use crate::commands::provenance;
+use super::selection::{self, Needs, Selection};
+use super::source::{Source, SourceFlags};
+use crate::commands::{mask_bias, provenance};
 use crate::pose_flags::PoseFlags;
 use crate::progress;
-use crate::report::{Outcome, hint, note, warn, warn_error};
+use crate::report::{Outcome, hint, note, warn};
 
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone)]
+#[command(after_help = "\
+Examples:
+  partpose evaluate poses --dataset DIR --fit dense --out scores
+      the network and the models that come with the program on every labelled world
+  partpose evaluate poses --dataset DIR --detections run/detections --out scores
+      what `partpose run --out run` wrote
+  partpose evaluate poses --dataset DIR --worlds 0018 --zoo ZOO --oracle --tables --out scores
+      the pose stage alone, on masks made from the ground truth")]
 pub(crate) struct Arguments {
-    /// Folder of the data set; its layout is recognised
-    #[arg(long, value_name = "DIR")]
-    dataset: PathBuf,
-    /// Worlds, separated by commas; all if not given
-    #[arg(long, value_delimiter = ',')]
-    worlds: Vec<String>,
-    /// Variations, separated by commas; `clone` if not given, or all where there is none of that name
-    #[arg(long, value_delimiter = ',')]
-    variations: Vec<String>,
+    #[command(flatten)]
+    selection: Selection,
+    #[command(flatten)]
+    source: SourceFlags,
     /// Score the tracks of fold I of K alone; `all/K` scores every fold, each with its own zoo
     #[arg(long, value_name = "I/K")]
     fold: Option<String>,
-    /// Every N-th frame only
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    stride: u32,
-    /// Folder of the models; `{fold}` stands for the number of the fold
+    /// Folder of the models; `{fold}` stands for the number of the fold; the embedded models if not given
     #[arg(long, value_name = "DIR")]
-    zoo: String,
-    /// Make detections from the ground truth: the only source so far, so it must be given
-    #[arg(long)]
+    zoo: Option<String>,
+    /// Which models of the zoo are right for the data set's names: TOML of lists, such as `Hybrid = ["hatchback"]`. A
+    /// name that is not listed stands for the model of its name, else for the models of the body style it begins with
+    #[arg(long, value_name = "FILE")]
+    model_names: Option<PathBuf>,
+    /// Make detections from the ground truth
+    #[arg(long, conflicts_with_all = ["detections", "weights"])]
     oracle: bool,
     /// Cells a side of the oracle's kernels
     #[arg(long, value_name = "M", default_value_t = 28, value_parser = clap::value_parser!(u32).range(1..=512))]
@@ -54,18 +67,27 @@ pub(crate) struct Arguments {
     #[arg(long = "box", value_enum, default_value = "annotated")]
     bounds: BoxFlag,
     /// Lower the oracle's pixel accuracy to this, in percent, with errors like a network's
-    #[arg(long, value_name = "PERCENT", value_parser = percent)]
+    #[arg(long, value_name = "PERCENT", value_parser = percent, requires = "oracle")]
     degrade: Option<f64>,
     /// Where the size of a vehicle comes from
     #[arg(long, value_enum, default_value = "truth")]
     extent: ExtentFlag,
     /// Worlds on which it is measured how far masks lie off the models' outlines, for the dense fit; with `--fold` on
-    /// the tracks of the other folds
-    #[arg(long, value_delimiter = ',', value_name = "WORLDS")]
+    /// the tracks of the other folds; `zoo` takes what was measured when the zoo was carved
+    #[arg(long, value_delimiter = ',', value_name = "WORLDS|zoo")]
     mask_bias: Vec<String>,
-    /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration
+    #[command(flatten)]
+    scene: scene::Flags,
+    /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration; with `--fit epnp`,
+    /// the paper's solver, unless another one of centres is asked for
     #[arg(long, conflicts_with_all = ["kernel", "scaling", "refine", "points_2d", "points_3d", "filters"])]
     tables: bool,
+    /// The dense fit beside the paper's method and the best setting of points: every row of the tables, by distance,
+    /// occlusion, truncation, mask accuracy, where sizes come from, and time, as tables and plots
+    #[arg(long, conflicts_with_all = ["tables", "degrade", "extent", "kernel", "scaling", "refine", "points_2d", "points_3d", "filters", "fit"], requires = "oracle")]
+    compare: bool,
+    #[arg(skip)]
+    comparison: Option<compare::Rows>,
     /// Draw this many frames, evenly spread, under the last configuration
     #[arg(long, value_name = "N", default_value_t = 0)]
     pictures: usize,
@@ -76,7 +98,7 @@ pub(crate) struct Arguments {
     out: PathBuf,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum BoxFlag {
     /// The annotated box, the projection of the cuboid
     Annotated,
@@ -84,7 +106,7 @@ enum BoxFlag {
     Tight,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ExtentFlag {
     /// Models scaled per axis to the true size, as in the paper
     Truth,
@@ -115,31 +137,37 @@ struct Row {
 
 /// The rows of every configuration, and how many frames could not be read.
 struct Evaluated {
+    /// What made the detections.
+    detections: String,
     configurations: Vec<Configuration>,
     rows: Vec<Vec<Row>>,
     skipped: usize,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    if !arguments.oracle {
-        return Err(hint(
-            anyhow::anyhow!("there are no detections to evaluate"),
-            "add `--oracle` to make them from the ground truth",
-        ));
-    }
     let folds = frames::folds(arguments)?;
-    let dataset = Dataset::open(&arguments.dataset)?;
+    let dataset = Dataset::open(&arguments.selection.dataset)?;
     let zoos: Vec<ModelZoo> = folds
         .iter()
-        .map(|fold| ModelZoo::load(&frames::zoo_path(arguments, *fold)))
+        .map(|fold| match frames::zoo_path(arguments, *fold) {
+            Some(path) => ModelZoo::load(&path),
+            None => Ok(ModelZoo::embedded()),
+        })
         .collect::<Result<_, _>>()?;
-    let evaluated = evaluate(arguments, &dataset, &folds, &zoos)?;
+    let names = frames::model_names(arguments, &zoos[0])?;
+    if arguments.compare {
+        return compare::run(arguments, &dataset, (&folds, &zoos), &names);
+    }
+    let source = if arguments.oracle { None } else { Some(predicted::open(&arguments.source)?) };
+    let evaluated = evaluate(arguments, &dataset, (&folds, &zoos), (source.as_ref(), &names))?;
     if evaluated.rows[0].is_empty() {
-        return Err(hint(
-            anyhow::anyhow!("no vehicle was evaluated"),
+        let advice = if arguments.oracle {
             "the zoo must hold models by the names of the data set's (`partpose zoo list ZOO`), \
-             and the data set part masks (`partpose dataset check DIR`)",
-        ));
+             and the data set part masks (`partpose dataset check DIR`)"
+        } else {
+            "no detection is assigned to a labelled vehicle: `partpose evaluate boxes` tells which boxes were found"
+        };
+        return Err(hint(anyhow::anyhow!("no vehicle was evaluated"), advice));
     }
     output::write(arguments, &evaluated)?;
     note(format_args!(
@@ -152,28 +180,24 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 fn evaluate(
     arguments: &Arguments,
     dataset: &Dataset,
-    folds: &[Option<partpose::dataset::folds::Fold>],
-    zoos: &[ModelZoo],
+    (folds, zoos): (&[Option<partpose::dataset::folds::Fold>], &[ModelZoo]),
+    (source, names): (Option<&Source>, &ModelNames),
 ) -> anyhow::Result<Evaluated> {
-    let sequences = frames::sequences(arguments, dataset)?;
-    let (frames, mut skipped) = frames::read(dataset, &sequences, arguments.stride)?;
-    let unknown = frames::without_model(&frames, &zoos[0]);
-    if unknown > 0 {
-        note(format_args!(
-            "left out {unknown} labelled vehicles whose model the zoo does not have"
-        ));
-    }
+    let (sequences, frames, mut skipped) = frames::chosen(arguments, dataset)?;
+    frames::tell_unknown(&frames, (&zoos[0], names), arguments.oracle);
     for fold in folds {
         let zoo = frames::zoo_path(arguments, *fold);
-        if let Some(objection) = provenance::objection(&zoo, &sequences, *fold) {
+        if let Some(objection) = zoo.and_then(|zoo| provenance::objection(&zoo, &sequences, *fold))
+        {
             warn(objection);
         }
     }
     // Nothing is written before the end; what cannot be written to is told now.
     files::create_folder(&arguments.out)?;
-    let mut configurations = rows::configurations(arguments);
+    let mut configurations = rows::configurations(arguments, source.map(Source::kernel));
     if let Some(target) = arguments.degrade {
-        let options = options(arguments, &zoos[0], &|_, _| true, &|_, _| false);
+        let right = |name: &str| names.right(name, &zoos[0]);
+        let options = options(arguments, &zoos[0], (&|_, _| true, &|_, _| false, &right), None);
         rows::degrade(&mut configurations, &frames, &options, target, arguments.pose.seed)?;
     }
     let last = configurations.len() - 1;
@@ -196,16 +220,26 @@ fn evaluate(
                 dealt.is_none()
                     || (frame.vehicles[vehicle].track.is_some() && !include(frame, vehicle))
             };
-            let bias = bias::measure(arguments, dataset, zoo, *fold, &others)?;
+            let bias = if arguments.mask_bias == ["zoo"] {
+                let zoo = frames::zoo_path(arguments, *fold);
+                let zoo =
+                    zoo.context("the embedded zoo has no mask bias: give a carved `--zoo`")?;
+                mask_bias::read(&zoo.join(mask_bias::NAME))?
+            } else {
+                bias::measure(arguments, dataset, zoo, *fold, &others)?
+            };
             for configuration in &mut configurations {
                 configuration.pose.dense.mask_bias = Some(bias);
             }
         }
         let keep = |frame: &Frame, index: usize| index == last && pictures.shows(frame);
-        let options = options(arguments, zoo, &include, &keep);
-        let bar = progress::bar("frames", frames.len() as u64);
-        let outcomes = evaluate_frames(&frames, &options, &configurations, &|| bar.inc(1));
-        bar.finish_and_clear();
+        let right = |name: &str| names.right(name, zoo);
+        let scene = arguments.scene.protocol();
+        let mut options = options(arguments, zoo, (&include, &keep, &right), scene);
+        if source.is_none() {
+            scene::measure(&mut options, &frames, &configurations[last])?;
+        }
+        let outcomes = outcomes(&frames, source, arguments, (&options, &configurations));
         for (frame, outcome) in frames.iter().zip(outcomes) {
             match outcome {
                 Ok(outcome) => {
@@ -219,21 +253,52 @@ fn evaluate(
                 }
                 Err(error) => {
                     if unreadable.insert(frame.name()) {
-                        warn_error(format_args!("skipped frame {}", frame.name()), &error);
+                        warn(format_args!("skipped frame {}: {error:#}", frame.name()));
                     }
                 }
             }
         }
     }
     skipped += unreadable.len() + pictures.write(arguments)?;
-    Ok(Evaluated { configurations, rows, skipped })
+    let detections = source.map_or("oracle".to_owned(), |source| source.name.clone());
+    Ok(Evaluated { detections, configurations, rows, skipped })
 }
+
+/// What became of the vehicles of each frame.
+fn outcomes(
+    frames: &[Frame],
+    source: Option<&Source>,
+    arguments: &Arguments,
+    (options, configurations): (&EvaluationOptions, &[Configuration]),
+) -> Vec<anyhow::Result<Vec<Vec<VehicleOutcome>>>> {
+    let bar = progress::bar("frames", frames.len() as u64);
+    let tick = || bar.inc(1);
+    let outcomes = match source {
+        Some(source) => {
+            let min_score = arguments.source.min_score;
+            predicted::outcomes(frames, (source, min_score), options, configurations, &tick)
+        }
+        None => evaluate_frames(frames, options, configurations, &tick)
+            .into_iter()
+            .map(|outcome| outcome.map_err(anyhow::Error::from))
+            .collect(),
+    };
+    bar.finish_and_clear();
+    outcomes
+}
+
+/// Says whether a vehicle of a frame, or a configuration of it, is meant.
+type Asks<'a> = &'a (dyn Fn(&Frame, usize) -> bool + Sync);
 
 fn options<'a>(
     arguments: &Arguments,
     zoo: &'a ModelZoo,
-    include: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
-    keep_detections: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
+    (include, keep_detections, right_models): (
+        Asks<'a>,
+        Asks<'a>,
+        &'a (dyn Fn(&str) -> Vec<usize> + Sync),
+    ),
+    scene: Option<SceneProtocol>,
 ) -> EvaluationOptions<'a> {
     EvaluationOptions {
         zoo,
@@ -248,7 +313,9 @@ fn options<'a>(
             BoxFlag::Tight => OracleBox::Tight,
         },
         include,
+        right_models,
         keep_detections,
+        scene,
     }
 }
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use partpose::eval::{Table, files_with_ending};
 use partpose::files::{self, RgbImage};
+use partpose::formats::{PosedImage, read_result};
 
 use crate::report::{self, Outcome, hint, note, warn};
 
@@ -48,6 +49,21 @@ pub(crate) fn only_file(given: &Path, ending: &str, flag: &str) -> anyhow::Resul
     }
 }
 
+/// The results of `fit`, if that is what the folder or file holds: one prediction file for every evaluator.
+///
+/// An evaluator scores all or nothing, so one that cannot be read is an error.
+pub(crate) fn own_results(given: &Path) -> anyhow::Result<Option<Vec<PosedImage>>> {
+    let mut paths =
+        if given.is_dir() { files_with_ending(given, "json")? } else { vec![given.to_owned()] };
+    let category = |_: &str| "Car".to_owned();
+    paths.retain(|path| path.file_name().is_none_or(|name| name != "metrics.json"));
+    if !paths.first().is_some_and(|path| read_result(path, &category).is_ok()) {
+        return Ok(None);
+    }
+    let images: Result<Vec<_>, _> = paths.iter().map(|path| read_result(path, &category)).collect();
+    Ok(Some(images?))
+}
+
 /// The first of the places beside or above a folder where a file is.
 pub(crate) fn nearby(folder: &Path, name: &str) -> Option<PathBuf> {
     let absolute = std::path::absolute(folder).ok()?;
@@ -61,6 +77,16 @@ pub(crate) fn write(
     tables: &[Table],
     curves: &RgbImage,
 ) -> anyhow::Result<()> {
+    files::write_png(&out.join("curves.png"), curves)?;
+    write_tables(out, metrics, tables)
+}
+
+/// The same without curves.
+pub(crate) fn write_tables(
+    out: &Path,
+    metrics: &serde_json::Value,
+    tables: &[Table],
+) -> anyhow::Result<()> {
     let json = serde_json::to_string_pretty(metrics).context("the metrics are no JSON")?;
     files::write(&out.join("metrics.json"), json.as_bytes())?;
     let text = tables.iter().map(Table::to_markdown).collect::<Vec<_>>().join("\n");
@@ -69,7 +95,6 @@ pub(crate) fn write(
         let name = format!("table-{}.csv", index + 1);
         files::write(&out.join(name), table.to_csv().as_bytes())?;
     }
-    files::write_png(&out.join("curves.png"), curves)?;
     report::data(&text)
 }
 

@@ -4,17 +4,24 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use partpose::carve::{
-    CarveError, CarveOptions, CarvedModel, Progress, QualityOptions, carve_models, measure_quality,
+    CarveError, CarveOptions, Carved, CarvedModel, Progress, QualityOptions, carve_models,
+    measure_quality,
 };
 use partpose::dataset::folds::{Fold, Folds};
 use partpose::dataset::{Dataset, Frame, SequenceId};
+use partpose::eval::measure_mask_bias;
+use partpose::pose::dense::MaskBias;
 use partpose::vehicle::ModelZoo;
 use partpose::viz::{TurntableOptions, turntable};
 
 use super::carve_report;
+use crate::commands::mask_bias;
 use crate::commands::provenance;
 use crate::progress;
 use crate::report::{self, Outcome, hint};
+
+/// Every how many frames the bias of masks is measured: neighbours say the same.
+const MEASURED: u32 = 3;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
@@ -36,6 +43,11 @@ pub(crate) struct Arguments {
     /// Folder to write pictures to, and how the models agree with the left-out tracks (with all, without --fold)
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+    /// How far the masks lie off the true outlines: `none`; `measure` carves twice, the second time with what the first
+    /// models show of it; or a file that `evaluate poses --mask-bias` wrote. What is left of it goes into the zoo as
+    /// `mask-bias.json`
+    #[arg(long, value_name = "BIAS", default_value = "none")]
+    mask_bias: String,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
@@ -60,14 +72,36 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         }
         Progress::Carving { model, step } => bar.set_message(format!("{model}: {step}")),
     };
-    let options = CarveOptions::default();
+    let mut options = CarveOptions::default();
     let names = arguments.models.as_deref();
-    let carved = carve_models(&frames, names, &leave_out, &options, &mut observe);
+    let mut carve = |options: &CarveOptions| {
+        carve_models(&frames, names, &leave_out, options, &mut observe).map_err(|error| {
+            let remedy = remedy(&error);
+            hint(error, remedy)
+        })
+    };
+    // Only what is carved is measured.
+    let measure = |carved: &Carved| -> anyhow::Result<MaskBias> {
+        let include = |frame: &Frame, vehicle: usize| {
+            let track = frame.vehicles[vehicle].track;
+            frame.index % MEASURED == 0
+                && track.is_none_or(|track| !leave_out(&frame.sequence, track))
+        };
+        measure_mask_bias(&frames, &zoo_of(carved), &include).ok_or_else(|| {
+            hint(
+                anyhow::anyhow!("too few vehicles to measure the mask bias on"),
+                "carve from more worlds, or without `--mask-bias`",
+            )
+        })
+    };
+    options.mask_bias = match arguments.mask_bias.as_str() {
+        "none" => None,
+        "measure" => Some(measure(&carve(&options)?)?),
+        file => Some(mask_bias::read(Path::new(file))?),
+    }
+    .map(|bias| bias.without_distance());
+    let carved = carve(&options)?;
     bar.finish_and_clear();
-    let carved = carved.map_err(|error| {
-        let remedy = remedy(&error);
-        hint(error, remedy)
-    })?;
     for skipped in &carved.skipped {
         report::warn_error("left a model out", skipped);
     }
@@ -79,17 +113,23 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         ));
     }
     let mut table = table_of(&carved.models);
-    let zoo =
-        ModelZoo { models: carved.models.iter().map(|carved| carved.model.clone()).collect() };
+    let zoo = zoo_of(&carved);
     zoo.save(&arguments.out)?;
+    if options.mask_bias.is_some() {
+        mask_bias::write(&arguments.out.join(mask_bias::NAME), &measure(&carved)?)?;
+    }
     provenance::write(&arguments.out, dataset.root(), &sequences, arguments.fold)?;
     if let Some(folder) = &arguments.report {
         let measured =
             |sequence: &SequenceId, track: u32| folds.is_none() || leave_out(sequence, track);
-        table = table + "\n" + &write_report(folder, &frames, &zoo, &measured)?;
+        table = table + "\n" + &write_report(folder, &frames, &zoo, options.mask_bias, &measured)?;
     }
     report::data(&table)?;
     Ok(if carved.skipped.is_empty() && complete { Outcome::Done } else { Outcome::Skipped })
+}
+
+fn zoo_of(carved: &Carved) -> ModelZoo {
+    ModelZoo { models: carved.models.iter().map(|carved| carved.model.clone()).collect() }
 }
 
 /// Pictures of the models, and how they agree with the views of the tracks that `measured` names.
@@ -97,6 +137,7 @@ fn write_report(
     folder: &Path,
     frames: &[Frame],
     zoo: &ModelZoo,
+    mask_bias: Option<MaskBias>,
     measured: &dyn Fn(&SequenceId, u32) -> bool,
 ) -> anyhow::Result<String> {
     let bar = progress::bar("measuring", 1);
@@ -106,7 +147,7 @@ fn write_report(
             bar.set_position(done as u64);
         }
     };
-    let options = QualityOptions::default();
+    let options = QualityOptions { mask_bias, ..Default::default() };
     let views = measure_quality(frames, &zoo.models, measured, &options, &mut observe);
     bar.finish_and_clear();
     for model in &zoo.models {

@@ -27,13 +27,15 @@ pub(super) struct Level {
     pub(super) samples: usize,
     /// Steps of the descent.
     pub(super) iterations: usize,
+    /// Steps after which only those go on that may still win.
+    pub(super) trial: usize,
 }
 
 /// Coarse for headings, middle for models, fine for the pose.
 pub(super) const LEVELS: [Level; 3] = [
-    Level { faces: 250, cells: 14, samples: 28, iterations: 5 },
-    Level { faces: 800, cells: 28, samples: 56, iterations: 8 },
-    Level { faces: 3000, cells: 56, samples: 112, iterations: 10 },
+    Level { faces: 250, cells: 14, samples: 28, iterations: 5, trial: 2 },
+    Level { faces: 800, cells: 28, samples: 56, iterations: 8, trial: 3 },
+    Level { faces: 3000, cells: 56, samples: 112, iterations: 10, trial: 2 },
 ];
 
 /// A model ready to be drawn at every level.
@@ -150,6 +152,8 @@ pub(super) struct Search {
     pub(super) keep: [usize; 2],
     /// A hypothesis whose energy is more than this many times the best's does not reach that level.
     pub(super) hopeless: [f64; 2],
+    /// The same within a level, after the trial steps.
+    pub(super) behind: [f64; 3],
 }
 
 /// What is searched usually.
@@ -157,8 +161,9 @@ pub(super) const NARROW: Search = Search {
     scouts: 4,
     headings: 2,
     depths: &[1.0, 0.65, 0.42],
-    keep: [12, 5],
+    keep: [8, 4],
     hopeless: [2.5, 1.4],
+    behind: [2.0, 1.5, 1.15],
 };
 /// What is searched where that finds nothing good: cut and hidden vehicles, mostly.
 pub(super) const WIDE: Search = Search {
@@ -167,6 +172,7 @@ pub(super) const WIDE: Search = Search {
     depths: &[1.2, 1.0, 0.8, 0.6, 0.45, 0.33],
     keep: [16, 4],
     hopeless: [2.5, 1.3],
+    behind: [3.0, 2.0, 1.3],
 };
 
 /// Angle between rotations below which two hypotheses of a model are one, radians.
@@ -184,37 +190,74 @@ pub(super) fn search(
     let mut pool: Vec<Hypothesis> = Vec::new();
     // Where the scouts' headings led: starts for all others.
     let mut common: Vec<State> = Vec::new();
-    for (index, candidate) in candidates.iter().enumerate() {
-        let view = pyramid.view(0, candidate);
-        let scored = if index < search.scouts {
-            headings(work, pyramid, outline, candidate, search.depths)
-        } else {
-            let start = |state: &State| State { half: candidate.half, ..*state };
-            common.iter().map(|state| work.score(&view, &start(state))).collect()
-        };
-        let starts = distinct(scored, search.headings);
-        for start in starts {
+    let scouts = search.scouts.min(candidates.len());
+    for index in 0..scouts {
+        let scored = headings(work, pyramid, outline, &candidates[index], search.depths);
+        for start in distinct(scored, search.headings) {
+            let view = pyramid.view(0, &candidates[index]);
             let descent = work.descend(&view, &start.state, LEVELS[0].iterations);
-            if index < search.scouts {
-                common.push(descent.end.state);
-            }
+            common.push(descent.end.state);
             pool.push(Hypothesis::new(index, 0, &descent));
         }
     }
+    let mut starts: Vec<Hypothesis> = Vec::new();
+    for (index, candidate) in candidates.iter().enumerate().skip(scouts) {
+        let view = pyramid.view(0, candidate);
+        let at = |state: &State| State { half: candidate.half, ..*state };
+        let scored = common.iter().map(|state| work.score(&view, &at(state))).collect();
+        let starting = |scored| Hypothesis { model: index, scored, level: 0, converged: false };
+        starts.extend(distinct(scored, search.headings).into_iter().map(starting));
+    }
+    race(work, pyramid, candidates, (0, search.behind[0]), starts, &mut pool, &mut done);
     for level in 1..LEVELS.len() {
         sort(&mut pool);
         let next = promoted(&pool, search, level - 1);
         done.append(&mut pool);
-        for hypothesis in next {
-            let view = pyramid.view(level, &candidates[hypothesis.model]);
-            let start = hypothesis.scored.state;
-            let descent = work.descend(&view, &start, LEVELS[level].iterations);
-            pool.push(Hypothesis::new(hypothesis.model, level, &descent));
-        }
+        let behind = search.behind[level];
+        race(work, pyramid, candidates, (level, behind), next, &mut pool, &mut done);
     }
     done.append(&mut pool);
     sort(&mut done);
     done
+}
+
+/// Descends from all starts at one level; what is too far behind the best after the trial steps goes no farther. The
+/// finished are added to `finished`, the others, with the level before as theirs, to `dropped`.
+fn race(
+    work: &mut Workspace,
+    pyramid: &Pyramid,
+    candidates: &[Candidate],
+    (level, behind): (usize, f64),
+    starts: Vec<Hypothesis>,
+    finished: &mut Vec<Hypothesis>,
+    dropped: &mut Vec<Hypothesis>,
+) {
+    let Level { iterations, trial, .. } = LEVELS[level];
+    let alone = starts.len() == 1;
+    let mut tried: Vec<Hypothesis> = Vec::with_capacity(starts.len());
+    for start in starts {
+        let view = pyramid.view(level, &candidates[start.model]);
+        let steps = if alone { iterations } else { trial };
+        let descent = work.descend(&view, &start.scored.state, steps);
+        tried.push(Hypothesis::new(start.model, level, &descent));
+    }
+    tried.sort_by(|a, b| a.scored.energy.total_cmp(&b.scored.energy));
+    let first = finished.iter().map(|h| h.scored.energy).fold(f64::INFINITY, f64::min);
+    let best = tried.first().map_or(first, |h| h.scored.energy.min(first));
+    for mut hypothesis in tried {
+        if hypothesis.scored.energy > behind * best {
+            // Its energy is no match for those of finished ones: it counts among those of the level before.
+            hypothesis.level = level.saturating_sub(1);
+            dropped.push(hypothesis);
+            continue;
+        }
+        if !hypothesis.converged && !alone {
+            let view = pyramid.view(level, &candidates[hypothesis.model]);
+            let descent = work.descend(&view, &hypothesis.scored.state, iterations - trial);
+            hypothesis = Hypothesis::new(hypothesis.model, level, &descent);
+        }
+        finished.push(hypothesis);
+    }
 }
 
 /// What goes on to the next level: the best of each model in turn, then their others.
@@ -245,7 +288,7 @@ impl Hypothesis {
     }
 
     /// Whether it is the same model at about the same rotation.
-    fn repeats(&self, other: &Self) -> bool {
+    pub(super) fn repeats(&self, other: &Self) -> bool {
         let (a, b) = (&self.scored.state, &other.scored.state);
         self.model == other.model
             && a.rotation.angle_to(&b.rotation) < 0.1

@@ -52,18 +52,15 @@ impl State {
 
     /// The projection of half-extent units to samples, with the outline where masks have it.
     pub(super) fn projection(&self, grid: &SampleGrid) -> Projection {
-        let [fx, fy] = grid.camera.focal;
-        let [cx, cy] = grid.camera.principal_point;
-        let image_from_camera = Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0);
         let rotation = self.rotation.to_rotation_matrix();
-        let mut projection = Projection {
-            matrix: image_from_camera * rotation.matrix() * Matrix3::from_diagonal(&self.half),
-            offset: image_from_camera * self.center,
+        let arms = rotation.matrix() * Matrix3::from_diagonal(&self.half);
+        let camera = match &grid.bias {
+            Some(bias) => bias.stretched(&grid.camera, &self.center, &arms, grid.per_pixel),
+            None => grid.camera,
         };
-        if let Some(bias) = &grid.bias {
-            bias.apply(&mut projection, grid, self.center.z);
-        }
-        projection
+        let ([fx, fy], [cx, cy]) = (camera.focal, camera.principal_point);
+        let image_from_camera = Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0);
+        Projection { matrix: image_from_camera * arms, offset: image_from_camera * self.center }
     }
 
     /// Depth of the cuboid's nearest corner, metres.

@@ -3,12 +3,12 @@
 use partpose::dataset::folds::Fold;
 use partpose::dataset::{Dataset, Frame};
 use partpose::eval::measure_mask_bias;
-use partpose::files;
 use partpose::pose::dense::MaskBias;
 use partpose::vehicle::ModelZoo;
 
-use super::{Arguments, frames};
-use crate::report::{hint, note, warn};
+use super::{Arguments, Needs, selection};
+use crate::commands::mask_bias;
+use crate::report::{hint, warn};
 
 /// Every how many frames a mask is measured: neighbours say the same.
 const STRIDE: u32 = 3;
@@ -21,14 +21,15 @@ pub(super) fn measure(
     fold: Option<Fold>,
     include: &(dyn Fn(&Frame, usize) -> bool + Sync),
 ) -> anyhow::Result<MaskBias> {
-    let evaluated = frames::sequences(arguments, dataset)?;
-    let sequences = frames::sequences_of(&arguments.mask_bias, arguments, dataset)?;
+    let evaluated = arguments.selection.sequences(dataset, arguments.oracle)?;
+    let sequences =
+        arguments.selection.sequences_of(&arguments.mask_bias, dataset, arguments.oracle)?;
     if fold.is_none() && sequences.iter().any(|sequence| evaluated.contains(sequence)) {
         warn(
             "the mask bias is measured on frames that are evaluated, too: name other worlds, or a fold",
         );
     }
-    let (frames, _) = frames::read(dataset, &sequences, STRIDE)?;
+    let (frames, _) = selection::read(dataset, &sequences, STRIDE, Needs::PartMask)?;
     let bias = measure_mask_bias(&frames, zoo, include).ok_or_else(|| {
         hint(
             anyhow::anyhow!("too few vehicles to measure the mask bias on"),
@@ -37,15 +38,8 @@ pub(super) fn measure(
     })?;
     let name = match fold {
         Some(fold) => format!("mask-bias-{}.json", fold.index),
-        None => "mask-bias.json".to_owned(),
+        None => mask_bias::NAME.to_owned(),
     };
-    let text = serde_json::to_string_pretty(&bias)?;
-    files::write(&arguments.out.join(&name), text.as_bytes())?;
-    let sides = |z: f64| bias.at(z).map(|side| format!("{side:+.2}")).join(", ");
-    note(format_args!(
-        "masks lie off the models by (left, top, right, bottom) {} px at 15 m, {} px at 40 m; wrote `{name}`",
-        sides(15.0),
-        sides(40.0)
-    ));
+    mask_bias::write(&arguments.out.join(&name), &bias)?;
     Ok(bias)
 }

@@ -1,83 +1,75 @@
 //! Which frames, tracks and models are evaluated.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
+use anyhow::Context;
 use partpose::dataset::folds::Fold;
-use partpose::dataset::{Dataset, Fault, Frame, SequenceId};
+use partpose::dataset::{Dataset, Frame, SequenceId};
+use partpose::eval::model_names::ModelNames;
+use partpose::files;
 use partpose::vehicle::ModelZoo;
 
-use super::Arguments;
-use crate::report::{hint, warn};
+use super::{Arguments, Needs, selection};
+use crate::report::{hint, note};
 
-/// The variation that is meant where none is named.
-const DEFAULT_VARIATION: &str = "clone";
-
-/// The sequences that were chosen.
-pub(super) fn sequences(
+/// The sequences and frames that were chosen, and how many places were wrong.
+pub(super) fn chosen(
     arguments: &Arguments,
     dataset: &Dataset,
-) -> anyhow::Result<Vec<SequenceId>> {
-    sequences_of(&arguments.worlds, arguments, dataset)
+) -> anyhow::Result<(Vec<SequenceId>, Vec<Frame>, usize)> {
+    let sequences = arguments.selection.sequences(dataset, arguments.oracle)?;
+    // Without masks there are still poses, only no accuracy of pixels.
+    let needs = if arguments.oracle { Needs::PartMask } else { Needs::Labels };
+    let (frames, skipped) =
+        selection::read(dataset, &sequences, arguments.selection.stride, needs)?;
+    Ok((sequences, frames, skipped))
 }
 
-/// The sequences of some worlds in the variations that were chosen.
-pub(super) fn sequences_of(
-    worlds: &[String],
-    arguments: &Arguments,
-    dataset: &Dataset,
-) -> anyhow::Result<Vec<SequenceId>> {
-    let mut variations = arguments.variations.clone();
-    let has_default = dataset.sequences().iter().any(|id| id.variation == DEFAULT_VARIATION);
-    if variations.is_empty() && has_default {
-        variations.push(DEFAULT_VARIATION.to_owned());
-    }
-    Ok(dataset.select(worlds, &variations)?)
-}
-
-/// Every `stride`-th frame that has a part mask, and how many places were wrong; each is reported.
-pub(super) fn read(
-    dataset: &Dataset,
-    sequences: &[SequenceId],
-    stride: u32,
-) -> anyhow::Result<(Vec<Frame>, usize)> {
-    let mut frames = Vec::new();
-    let mut skipped = 0;
-    for sequence in sequences {
-        let read = dataset.read(sequence)?;
-        for problem in &read.problems {
-            warn(format_args!("{problem}"));
-            // A size that had to be guessed costs nothing here: masks have their own.
-            skipped += usize::from(!matches!(problem.fault, Fault::SizeUnknown { .. }));
+/// Tells which vehicles are not judged, or not by their model.
+pub(super) fn tell_unknown(frames: &[Frame], (zoo, names): (&ModelZoo, &ModelNames), oracle: bool) {
+    if oracle {
+        let unknown = without_model(frames, zoo);
+        if unknown > 0 {
+            note(format_args!(
+                "left out {unknown} labelled vehicles whose model the zoo does not have"
+            ));
         }
-        skipped += read.problems_omitted;
-        frames.extend(read.frames.into_iter().filter(|frame| frame.index % stride == 0));
+        return;
     }
-    let shows = |frame: &&Frame| frame.vehicles.iter().any(|vehicle| !vehicle.dont_care);
-    let missing: Vec<String> = frames
-        .iter()
-        .filter(|frame| frame.parts.is_none())
-        .filter(shows)
-        .map(Frame::name)
-        .collect();
-    frames.retain(|frame| frame.parts.is_some());
-    if frames.is_empty() {
+    let vehicles = frames.iter().flat_map(|frame| &frame.vehicles).filter(|v| !v.dont_care);
+    let models: BTreeSet<&str> = vehicles.filter_map(|v| v.model.as_deref()).collect();
+    let unknown: Vec<&str> =
+        models.into_iter().filter(|name| names.right(name, zoo).is_empty()).collect();
+    if !unknown.is_empty() {
+        note(format_args!(
+            "the choice of the model is not judged for {}: the zoo has no model of that name or body style \
+             (`--model-names` says which are right)",
+            unknown.join(", ")
+        ));
+    }
+}
+
+/// What the user says of the names of models.
+pub(super) fn model_names(arguments: &Arguments, zoo: &ModelZoo) -> anyhow::Result<ModelNames> {
+    let Some(path) = &arguments.model_names else { return Ok(ModelNames::default()) };
+    let given: BTreeMap<String, Vec<String>> = toml::from_str(&files::read_text(path)?)
+        .with_context(|| format!("`{}` is no list of models by name", path.display()))?;
+    let names = ModelNames { given };
+    if let Some(unknown) = names.unknown(zoo).first() {
         return Err(hint(
-            anyhow::anyhow!("`{}` has no part masks for what was chosen", dataset.root().display()),
-            "the oracle reads `parts/<world>/<variation>/%05d.png`; `partpose dataset check DIR` tells what is there",
+            anyhow::anyhow!(
+                "`{}` names the model `{unknown}`, which the zoo lacks",
+                path.display()
+            ),
+            "`partpose zoo list` lists the models",
         ));
     }
-    if let Some(first) = missing.first() {
-        warn(format_args!(
-            "skipped {} frames without a part mask, the first is {first}",
-            missing.len()
-        ));
-        skipped += missing.len();
-    }
-    Ok((frames, skipped))
+    Ok(names)
 }
 
 /// How many vehicles that are not to be ignored show a model that the zoo lacks.
-pub(super) fn without_model(frames: &[Frame], zoo: &ModelZoo) -> usize {
+fn without_model(frames: &[Frame], zoo: &ModelZoo) -> usize {
     let vehicles = frames.iter().flat_map(|frame| &frame.vehicles).filter(|v| !v.dont_care);
     let known = |name: &str| zoo.get(name).is_some();
     vehicles.filter(|vehicle| !vehicle.model.as_deref().is_some_and(known)).count()
@@ -85,8 +77,9 @@ pub(super) fn without_model(frames: &[Frame], zoo: &ModelZoo) -> usize {
 
 /// The folds to score, one zoo each.
 pub(super) fn folds(arguments: &Arguments) -> anyhow::Result<Vec<Option<Fold>>> {
+    let zoo = arguments.zoo.as_deref().unwrap_or_default();
     let Some(text) = &arguments.fold else {
-        if arguments.zoo.contains("{fold}") {
+        if zoo.contains("{fold}") {
             anyhow::bail!(
                 "`{{fold}}` in `--zoo` stands for the number of a fold, so it needs `--fold`"
             );
@@ -97,7 +90,7 @@ pub(super) fn folds(arguments: &Arguments) -> anyhow::Result<Vec<Option<Fold>>> 
         return Ok(vec![Some(Fold::parse(text)?)]);
     };
     let last = Fold::parse(&format!("{count}/{count}"))?;
-    if !arguments.zoo.contains("{fold}") {
+    if !zoo.contains("{fold}") {
         return Err(hint(
             anyhow::anyhow!(
                 "all folds would be judged by one zoo, which was made from their own pictures"
@@ -108,8 +101,8 @@ pub(super) fn folds(arguments: &Arguments) -> anyhow::Result<Vec<Option<Fold>>> 
     Ok((1..=last.count).map(|index| Some(Fold { index, count: last.count })).collect())
 }
 
-/// The zoo of a fold.
-pub(super) fn zoo_path(arguments: &Arguments, fold: Option<Fold>) -> PathBuf {
+/// The zoo of a fold; `None` for the embedded one.
+pub(super) fn zoo_path(arguments: &Arguments, fold: Option<Fold>) -> Option<PathBuf> {
     let number = fold.map_or(String::new(), |fold| fold.index.to_string());
-    PathBuf::from(arguments.zoo.replace("{fold}", &number))
+    arguments.zoo.as_ref().map(|zoo| PathBuf::from(zoo.replace("{fold}", &number)))
 }

@@ -8,7 +8,7 @@ use partpose::eval::{PoseScores, Table, breakdown, paper_tables, score_table, su
 use partpose::files;
 use serde_json::json;
 
-use super::{Arguments, Evaluated};
+use super::{Arguments, Evaluated, uncertainty};
 use crate::report;
 
 /// Prints the tables and writes everything.
@@ -22,6 +22,11 @@ pub(super) fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Res
         })
         .collect();
     let mut tables = if arguments.tables { paper_tables(&scores) } else { Vec::new() };
+    if let (false, Some(last)) = (arguments.oracle, evaluated.configurations.last()) {
+        for table in &mut tables {
+            table.title = table.title.replace("56 x 56", &format!("{0} x {0}", last.kernel));
+        }
+    }
     let others: Vec<(String, PoseScores)> = scores
         .iter()
         .filter_map(|(name, scores)| Some((name.strip_prefix("past: ")?.to_owned(), *scores)))
@@ -41,6 +46,7 @@ pub(super) fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Res
         evaluated.configurations[detailed].name
     );
     tables.push(score_table(&title, &by));
+    tables.extend(uncertainty::tables(evaluated));
     let text = markdown(&tables);
     report::data(&text)?;
     let file = |name: &str| arguments.out.join(name);
@@ -48,6 +54,7 @@ pub(super) fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Res
     for (index, table) in tables.iter().enumerate() {
         files::write(&file(&format!("table-{}.csv", index + 1)), table.to_csv().as_bytes())?;
     }
+    uncertainty::write_plots(arguments, evaluated)?;
     files::write(&file("vehicles.csv"), vehicle_list(evaluated).to_csv().as_bytes())?;
     write_metrics(&file("metrics.json"), arguments, evaluated, &scores, &by)
 }
@@ -71,20 +78,23 @@ fn write_metrics(
         .zip(&evaluated.configurations)
         .zip(&evaluated.rows)
         .map(|(((name, scores), configuration), rows)| {
-            let accuracy = rows.iter().map(|row| row.outcome.pixel_accuracy).sum::<f64>();
+            let accuracies = || rows.iter().filter_map(|row| row.outcome.pixel_accuracy);
+            // NaN, which is `null`, without part masks.
+            let accuracy = accuracies().sum::<f64>() / accuracies().count() as f64;
             json!({
                 "name": name,
                 "kernel": configuration.kernel,
                 "pose": configuration.pose,
                 "degradation_strength": configuration.degradation.map(|d| d.strength),
-                "mean_pixel_accuracy": accuracy / rows.len().max(1) as f64,
+                "mean_pixel_accuracy": accuracy,
+                "uncertainty": uncertainty::scores(rows),
                 "scores": scores,
             })
         })
         .collect();
     let Some(object) = metrics.as_object_mut() else { bail!("scores are not an object") };
     object.insert("name".to_owned(), json!(scores[last].0));
-    object.insert("settings".to_owned(), settings(arguments));
+    object.insert("settings".to_owned(), settings(arguments, evaluated));
     object.insert("skipped_frames".to_owned(), json!(evaluated.skipped));
     object.insert("rows".to_owned(), json!(rows));
     let by: Vec<_> = by.iter().map(|(name, s)| json!({ "name": name, "scores": s })).collect();
@@ -94,19 +104,20 @@ fn write_metrics(
 }
 
 /// What the scores depend on besides the rows' own options.
-fn settings(arguments: &Arguments) -> serde_json::Value {
+fn settings(arguments: &Arguments, evaluated: &Evaluated) -> serde_json::Value {
     let name = |value: Option<clap::builder::PossibleValue>| {
         value.map_or(String::new(), |value| value.get_name().to_owned())
     };
     json!({
         "version": env!("CARGO_PKG_VERSION"),
-        "dataset": arguments.dataset.display().to_string(),
-        "worlds": arguments.worlds,
-        "variations": arguments.variations,
+        "dataset": arguments.selection.dataset.display().to_string(),
+        "worlds": arguments.selection.worlds,
+        "variations": arguments.selection.variations,
         "fold": arguments.fold,
-        "stride": arguments.stride,
-        "zoo": arguments.zoo,
-        "detections": "oracle",
+        "stride": arguments.selection.stride,
+        "zoo": arguments.zoo.as_deref().unwrap_or("embedded"),
+        "detections": evaluated.detections,
+        "min_score": arguments.source.min_score,
         "box": name(arguments.bounds.to_possible_value()),
         "degrade_to_pixel_accuracy": arguments.degrade,
         "extent": name(arguments.extent.to_possible_value()),
@@ -120,6 +131,7 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
         "sequence",
         "frame",
         "track",
+        "vehicle",
         "model",
         "depth",
         "occluded",
@@ -134,6 +146,9 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
         "delta_alpha_x",
         "delta_alpha_y",
         "delta_alpha_z",
+        "confidence",
+        "normalised_squared_error",
+        "depth_sd",
         "no_pose",
     ];
     let mut table = Table::new("vehicles", &columns);
@@ -142,11 +157,12 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
             row.sequence.clone(),
             row.frame.to_string(),
             row.track.map_or(String::new(), |track| track.to_string()),
+            (row.outcome.vehicle + 1).to_string(),
             row.model.clone(),
             format!("{:.2}", row.stratum.depth),
             row.stratum.occluded.to_string(),
             row.stratum.truncated.to_string(),
-            format!("{:.4}", row.outcome.pixel_accuracy),
+            row.outcome.pixel_accuracy.map_or(String::new(), |share| format!("{share:.4}")),
         ];
         match (&row.outcome.estimate, &row.outcome.scored) {
             (Ok(estimate), Some(d)) => {
@@ -155,10 +171,16 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
                 cells.push(rmse.map_or(String::new(), |rmse| format!("{rmse:.3}")));
                 let numbers = std::iter::once(d.iou3d).chain(d.translation).chain(d.rotation);
                 cells.extend(numbers.map(|value| format!("{value:.4}")));
+                let said =
+                    row.outcome.sureness.map(|s| [s.confidence, s.squared_error, s.depth_sd]);
+                match said {
+                    Some(said) => cells.extend(said.map(|value| format!("{value:.4}"))),
+                    None => cells.extend(std::iter::repeat_n(String::new(), 3)),
+                }
                 cells.push(String::new());
             }
             (outcome, _) => {
-                cells.extend(std::iter::repeat_n(String::new(), 9));
+                cells.extend(std::iter::repeat_n(String::new(), 12));
                 cells.push(outcome.as_ref().err().map_or(String::new(), ToString::to_string));
             }
         }

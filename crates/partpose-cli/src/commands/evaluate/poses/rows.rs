@@ -4,9 +4,9 @@ use partpose::dataset::Frame;
 use partpose::eval::{Configuration, EvaluationOptions, calibrate, paper_configurations};
 use partpose::oracle::Degradation;
 use partpose::parts::Scaling;
-use partpose::pose::{Center2d, Center3d, PoseOptions};
+use partpose::pose::{Center2d, Center3d, PnpMethod, PoseOptions};
 
-use super::Arguments;
+use super::{Arguments, compare};
 use crate::report::{hint, warn};
 
 /// Frames that the strength of degradation is found on.
@@ -14,14 +14,35 @@ const CALIBRATION_FRAMES: usize = 60;
 /// Largest miss of the accuracy asked for that is not worth a word.
 const ACCURACY_TOLERANCE: f64 = 0.005;
 
-/// One row as asked, or those of Tables III to V and what goes past them.
-pub(super) fn configurations(arguments: &Arguments) -> Vec<Configuration> {
-    let base = arguments.pose.options();
+/// One row as asked, or those of Tables III to V and what goes past them; of detections that are given only the rows
+/// with their size of kernel.
+pub(super) fn configurations(arguments: &Arguments, given: Option<usize>) -> Vec<Configuration> {
+    if let Some(rows) = arguments.comparison {
+        return compare::configurations(rows, arguments.pose.seed);
+    }
+    let mut base = arguments.pose.options();
+    if arguments.tables && base.method == PnpMethod::Dense {
+        // The tables are of centres of parts.
+        base.method = PnpMethod::Epnp;
+    }
     if !arguments.tables {
-        let (name, kernel) = ("as asked".to_owned(), arguments.kernel as usize);
+        let (name, kernel) = ("as asked".to_owned(), given.unwrap_or(arguments.kernel as usize));
         return vec![Configuration { name, kernel, pose: base, degradation: None }];
     }
-    let mut rows = paper_configurations(&base);
+    let mut rows = all(&base);
+    if let Some(kernel) = given {
+        // The rows of one size stand for the detections' own, Table V's for them too.
+        rows.retain(|row| row.kernel == 28 || row.name.starts_with("V: "));
+        for row in &mut rows {
+            row.kernel = kernel;
+            row.name = row.name.replace(": 28 ", &format!(": {kernel} "));
+        }
+    }
+    rows
+}
+
+fn all(base: &PoseOptions) -> Vec<Configuration> {
+    let mut rows = paper_configurations(base);
     let more = [
         ("CM / CM, all filters", Center2d::Mass, Center3d::Mass, false),
         ("CM / visible, all filters", Center2d::Mass, Center3d::Visible, false),
@@ -30,7 +51,7 @@ pub(super) fn configurations(arguments: &Arguments) -> Vec<Configuration> {
     ];
     for kernel in [28, 56] {
         for (name, center_2d, center_3d, refine) in more {
-            let pose = PoseOptions { center_2d, center_3d, refine, ..base };
+            let pose = PoseOptions { center_2d, center_3d, refine, ..*base };
             let name = format!("past: {kernel} {name}");
             rows.push(Configuration { name, kernel, pose, degradation: None });
         }

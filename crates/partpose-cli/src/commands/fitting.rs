@@ -1,0 +1,220 @@
+//! From detections to poses, and to the files that say so: what `fit` and `run` share.
+
+use std::path::{Path, PathBuf};
+
+use partpose::detection::Detection;
+use partpose::files::{self, RgbImage};
+use partpose::formats::{ResultSettings, image_result};
+use partpose::geometry::{Camera, Extent};
+use partpose::pose::dense::SizePrior;
+use partpose::pose::scene::{SceneDetection, SceneOptions, estimate_scene};
+use partpose::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator};
+use partpose::vehicle::ModelZoo;
+
+use super::mask_bias;
+use super::result_files::{self, Pictured};
+use crate::pose_flags::PoseFlags;
+use crate::scene_flags::SceneFlags;
+
+#[derive(clap::Args)]
+pub(crate) struct FitFlags {
+    /// Folder of the models; the embedded ones if not given
+    #[arg(long, value_name = "DIR")]
+    zoo: Option<PathBuf>,
+    /// Size of the vehicles, on which their distance depends: `file` takes the detections' own `extents`, else the
+    /// models'; `model` the models'; `free` starts with the models' and lets the dense fit stretch them; width,height,
+    /// length in metres is one size for all
+    #[arg(long, value_name = "SIZE", default_value = "file", value_parser = parse_extent)]
+    extent: FitExtent,
+    /// Draw no pictures
+    #[arg(long)]
+    no_pictures: bool,
+    /// How far masks lie off the models' outlines, for the dense fit: `mask-bias.json` of `evaluate poses --mask-bias`
+    #[arg(long, value_name = "FILE")]
+    mask_bias: Option<PathBuf>,
+    #[command(flatten)]
+    scene: SceneFlags,
+    #[command(flatten)]
+    pose: PoseFlags,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) enum FitExtent {
+    File,
+    Model,
+    Free,
+    Given(Extent),
+}
+
+pub(super) fn parse_extent(text: &str) -> Result<FitExtent, String> {
+    match text {
+        "file" => return Ok(FitExtent::File),
+        "model" => return Ok(FitExtent::Model),
+        "free" => return Ok(FitExtent::Free),
+        _ => {}
+    }
+    let sides: Result<Vec<f64>, _> = text.split(',').map(str::parse).collect();
+    match sides.as_deref() {
+        Ok([width, height, length]) => {
+            let extent = Extent::new(*width, *height, *length);
+            let believed = [0.1, 100.0];
+            if [*width, *height, *length]
+                .iter()
+                .all(|side| (believed[0]..=believed[1]).contains(side))
+            {
+                return Ok(FitExtent::Given(extent));
+            }
+            Err("width, height and length must lie between 0.1 and 100 metres".to_owned())
+        }
+        _ => Err("`file`, `model`, `free` or width,height,length is meant, such as 1.8,1.5,4.4"
+            .to_owned()),
+    }
+}
+
+impl FitExtent {
+    /// Where the size of a detection comes from that may have one of its own.
+    pub(super) fn source(self, own: Option<Extent>) -> ExtentSource {
+        match (self, own) {
+            (Self::Given(extent), _) | (Self::File, Some(extent)) => ExtentSource::Given(extent),
+            (Self::Free, _) => ExtentSource::Free(SizePrior::around(None)),
+            (Self::File | Self::Model, _) => ExtentSource::Model,
+        }
+    }
+}
+
+pub(crate) fn parse_score(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
+        _ => Err("a score from 0 to 1 is meant".to_owned()),
+    }
+}
+
+/// What every image is fitted with.
+pub(crate) struct Fitter {
+    zoo: ModelZoo,
+    estimator: PoseEstimator,
+    extent: FitExtent,
+    scene: SceneOptions,
+    settings: ResultSettings,
+    pictures: bool,
+    out: PathBuf,
+}
+
+/// One image with what was found in it.
+pub(crate) struct Fitting<'a> {
+    pub(crate) name: &'a str,
+    /// Name of the files that are written, without their endings.
+    pub(crate) stem: &'a str,
+    pub(crate) camera: &'a Camera,
+    /// To draw on; of the camera's size.
+    pub(crate) image: Option<&'a RgbImage>,
+    /// Each with its size where it is known.
+    pub(crate) detections: Vec<(Detection, Option<Extent>)>,
+}
+
+/// What became of detections.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Counts {
+    pub(crate) posed: usize,
+    pub(crate) without: usize,
+    /// Images that could not be done, or not be drawn on.
+    pub(crate) skipped: usize,
+}
+
+impl Counts {
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.posed += other.posed;
+        self.without += other.without;
+        self.skipped += other.skipped;
+    }
+}
+
+impl Fitter {
+    /// Reads the zoo and prepares it; `has_extents` tells whether detections come with their sizes.
+    pub(crate) fn new(flags: &FitFlags, out: &Path, has_extents: bool) -> anyhow::Result<Self> {
+        let mut options = flags.pose.options();
+        options.dense.mask_bias = flags.mask_bias.as_deref().map(mask_bias::read).transpose()?;
+        let zoo = match &flags.zoo {
+            Some(folder) => ModelZoo::load(folder)?,
+            None => ModelZoo::embedded(),
+        };
+        let name = flags.zoo.as_ref().map(|zoo| zoo.display().to_string());
+        Ok(Self {
+            estimator: PoseEstimator::new(&zoo, &options),
+            zoo,
+            extent: flags.extent,
+            scene: flags.scene.options(),
+            settings: ResultSettings {
+                version: env!("CARGO_PKG_VERSION"),
+                zoo: name.unwrap_or_else(|| "embedded".to_owned()),
+                extent: extent_in_words(flags.extent, has_extents),
+                pose: options,
+            },
+            pictures: !flags.no_pictures,
+            out: out.to_owned(),
+        })
+    }
+
+    /// What the results depend on.
+    pub(crate) fn settings(&self) -> &ResultSettings {
+        &self.settings
+    }
+
+    /// Whether pictures are asked for.
+    pub(crate) fn draws(&self) -> bool {
+        self.pictures
+    }
+
+    /// Names of the files of an image.
+    pub(crate) fn files(&self, stem: &str) -> Vec<PathBuf> {
+        let endings = ["json", "txt"].into_iter().chain(self.pictures.then_some("png"));
+        endings.map(|ending| self.out.join(format!("{stem}.{ending}"))).collect()
+    }
+
+    /// Finds the poses of an image and writes JSON, KITTI text and picture.
+    pub(crate) fn fit(&self, fitting: Fitting) -> anyhow::Result<Counts> {
+        let Fitting { name, stem, camera, image, detections } = fitting;
+        let given: Vec<SceneDetection> = detections
+            .iter()
+            .map(|(detection, own)| SceneDetection { detection, extent: self.extent.source(*own) })
+            .collect();
+        let found = estimate_scene(&self.estimator, &self.zoo, camera, &given, &self.scene);
+        let mut estimated: Vec<(Detection, Result<PoseEstimate, NoPose>)> =
+            detections.into_iter().map(|(detection, _)| detection).zip(found.vehicles).collect();
+        for (detection, estimate) in &mut estimated {
+            if let Ok(estimate) = estimate {
+                self.estimator.observe(camera, detection, estimate);
+            }
+        }
+        let posed = estimated.iter().filter(|(_, estimate)| estimate.is_ok()).count();
+        let result = image_result(name, camera, &self.settings, &estimated);
+        let written: Vec<_> = estimated.iter().map(|(d, e)| (d, e.as_ref().ok())).collect();
+        result_files::write_results(&self.out, stem, &result, &written, &self.zoo)?;
+        if self.pictures {
+            let pictured: Vec<Pictured> = estimated
+                .iter()
+                .map(|(detection, estimate)| Pictured {
+                    detection,
+                    estimate: estimate.as_ref().ok(),
+                    zoo: &self.zoo,
+                    truth: None,
+                })
+                .collect();
+            let drawn = (pictured.as_slice(), self.estimator.options().scaling);
+            let picture = result_files::picture(stem, camera, image, drawn);
+            files::write_png(&self.out.join(format!("{stem}.png")), &picture)?;
+        }
+        Ok(Counts { posed, without: estimated.len() - posed, skipped: 0 })
+    }
+}
+
+fn extent_in_words(extent: FitExtent, has_extents: bool) -> String {
+    match extent {
+        FitExtent::File if has_extents => "given with the detections".to_owned(),
+        FitExtent::File | FitExtent::Model => "of the models".to_owned(),
+        FitExtent::Free => "of the models, stretched by the masks".to_owned(),
+        FitExtent::Given(e) => {
+            format!("given: {} x {} x {} m (width, height, length)", e.width, e.height, e.length)
+        }
+    }
+}

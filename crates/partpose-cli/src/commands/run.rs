@@ -1,0 +1,219 @@
+//! `partpose run`: images to vehicles and poses.
+
+mod inputs;
+mod record;
+
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::sync_channel;
+use std::thread;
+
+use partpose::files::{self, RgbImage, read_photo};
+use partpose::formats::{DetectionFile, write_detections};
+use partpose::geometry::{Camera, Extent};
+use partpose::labeling::Shard;
+
+use self::inputs::Input;
+use crate::camera::{Cameras, Origin};
+use crate::commands::detection_files::ENDING;
+use crate::commands::fitting::{Counts, FitFlags, Fitter, Fitting, parse_score};
+use crate::network::{Found, Network};
+use crate::progress;
+use crate::report::{Outcome, note, warn};
+
+/// Folder of the detections below the output.
+const DETECTIONS: &str = "detections";
+/// Images that may wait for their poses while the network goes on.
+const WAITING: usize = 4;
+
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  partpose run photo.jpg --out out
+      the focal length is taken from the photo's EXIF, or guessed
+  partpose run training/image_2 --camera . --out out
+      a KITTI or Virtual KITTI folder knows the camera of each of its images
+  partpose run 'frames/*.png' --camera camera.toml --shard 1/2 --resume --out out")]
+pub(crate) struct Arguments {
+    /// Images (PNG, JPEG), folders of them, or patterns such as 'frames/*.png'
+    #[arg(required = true, value_name = "IMAGE|DIR|GLOB")]
+    images: Vec<String>,
+    /// Camera: TOML, KITTI calib, or the folder of a data set. Without it the focal length is guessed from EXIF, else from
+    /// `--fov`; distances are as wrong as the guess
+    #[arg(long, value_name = "FILE")]
+    camera: Option<PathBuf>,
+    /// Field of view along the longer side of images without camera and EXIF, degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 70.0, value_parser = parse_angle, conflicts_with = "camera")]
+    fov: f64,
+    /// Weights of the network; those that come with the program if not given
+    #[arg(long, value_name = "FILE")]
+    weights: Option<PathBuf>,
+    /// Leave out detections with a lower score
+    #[arg(long, value_name = "SCORE", default_value_t = 0.5, value_parser = parse_score)]
+    min_score: f64,
+    #[command(flatten)]
+    fit: FitFlags,
+    /// Keep what an earlier run with the same settings has written, and do the rest
+    #[arg(long)]
+    resume: bool,
+    /// Do part I of N of the images; all parts may write to the same folder
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
+    /// Folder for results: JSON, KITTI text and a picture an image, and the detections in `detections/`
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+fn parse_angle(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (1.0..=170.0).contains(&value) => Ok(value),
+        _ => Err("an angle from 1 to 170 degrees is meant".to_owned()),
+    }
+}
+
+pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    // What was typed is checked before the network is made ready.
+    let inputs = inputs::collect(&arguments.images, arguments.shard)?;
+    let network = Network::load(arguments.weights.as_deref())?;
+    run_with(arguments, &inputs, &network.identity, &mut |image| network.detect(image))
+}
+
+/// The detector: an image to what it shows.
+type Detect<'a> = &'a mut dyn FnMut(&RgbImage) -> anyhow::Result<Vec<Found>>;
+
+/// An image that the network has seen.
+struct Seen<'a> {
+    input: &'a Input,
+    camera: Camera,
+    image: RgbImage,
+    found: Vec<Found>,
+}
+
+fn run_with(
+    arguments: &Arguments,
+    inputs: &[Input],
+    weights: &str,
+    detect: Detect,
+) -> anyhow::Result<Outcome> {
+    let cameras = match &arguments.camera {
+        Some(path) => Cameras::load(path)?,
+        None => Cameras::guess(arguments.fov.to_radians()),
+    };
+    let fitter = Fitter::new(&arguments.fit, &arguments.out, false)?;
+    files::create_folder(&arguments.out)?;
+    record::settle(arguments, weights, &fitter)?;
+    let (done, open): (Vec<&Input>, Vec<&Input>) =
+        inputs.iter().partition(|input| arguments.resume && is_done(arguments, &fitter, input));
+    let bar = progress::bar("images", open.len() as u64);
+    let mut unreadable = 0;
+    let mut guesses = [0usize; 2];
+    let counts = thread::scope(|scope| {
+        let (send, receive) = sync_channel::<Seen>(WAITING);
+        let fitter = &fitter;
+        let worker = scope.spawn(move || -> anyhow::Result<Counts> {
+            let mut counts = Counts::default();
+            for seen in receive {
+                counts.add(&finish(arguments, fitter, seen)?);
+            }
+            Ok(counts)
+        });
+        for input in &open {
+            match look(input, &cameras, arguments.min_score, detect) {
+                Ok((seen, origin)) => {
+                    match origin {
+                        Origin::Given => {}
+                        Origin::Exif => guesses[0] += 1,
+                        Origin::FieldOfView => guesses[1] += 1,
+                    }
+                    // Nobody listens any more where writing has failed.
+                    if send.send(seen).is_err() {
+                        break;
+                    }
+                }
+                Err(error) => {
+                    warn(format_args!("skipped `{}`: {error:#}", input.path.display()));
+                    unreadable += 1;
+                }
+            }
+            bar.inc(1);
+        }
+        drop(send);
+        worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    });
+    bar.finish_and_clear();
+    let counts = counts?;
+    tell_guesses(arguments, guesses);
+    if open.len() == unreadable && done.is_empty() {
+        anyhow::bail!("none of the {unreadable} images could be done");
+    }
+    tell(arguments, &counts, [open.len() - unreadable, done.len(), unreadable]);
+    Ok(if unreadable + counts.skipped == 0 { Outcome::Done } else { Outcome::Skipped })
+}
+
+fn tell_guesses(arguments: &Arguments, [exif, fov]: [usize; 2]) {
+    if exif + fov > 0 {
+        let fov_text = format!("a field of view of {}°", arguments.fov);
+        warn(format_args!(
+            "there is no `--camera`: focal lengths are guessed, of {exif} images from EXIF, of {fov} from {fov_text}; \
+             distances are as wrong as the guess"
+        ));
+    }
+}
+
+fn tell(arguments: &Arguments, counts: &Counts, [done, kept, unreadable]: [usize; 3]) {
+    let kept = if kept > 0 { format!(", kept {kept} that were done") } else { String::new() };
+    let skipped = if unreadable > 0 { format!(", skipped {unreadable}") } else { String::new() };
+    let reasons = if counts.without == 0 { "" } else { " (the results say why)" };
+    note(format_args!(
+        "found {} vehicles in {done} images{kept}{skipped}, {} of them without a pose{reasons}; wrote `{}`",
+        counts.posed + counts.without,
+        counts.without,
+        arguments.out.display()
+    ));
+}
+
+/// Reads an image and lets the network look at it.
+fn look<'a>(
+    input: &'a Input,
+    cameras: &Cameras,
+    min_score: f64,
+    detect: Detect,
+) -> anyhow::Result<(Seen<'a>, Origin)> {
+    let photo = read_photo(&input.path)?;
+    let (camera, origin) = cameras.of(&input.path, &photo)?;
+    let mut found = detect(&photo.image)?;
+    found.retain(|found| found.detection.score >= min_score);
+    Ok((Seen { input, camera, image: photo.image, found }, origin))
+}
+
+/// Writes the detections, finds the poses and writes them.
+fn finish(arguments: &Arguments, fitter: &Fitter, seen: Seen) -> anyhow::Result<Counts> {
+    let Seen { input, camera, image, found } = seen;
+    // Sizes are written where all have them; a file has them for all or for none.
+    let extents: Option<Vec<Extent>> = found.iter().map(|found| found.extent).collect();
+    let file = DetectionFile {
+        images: vec![input.name.clone()],
+        detections: found.iter().map(|found| (0, found.detection.clone())).collect(),
+        extents: extents.filter(|extents| !extents.is_empty()),
+    };
+    write_detections(&detections_file(&arguments.out, &input.stem), &file)?;
+    fitter.fit(Fitting {
+        name: &input.name,
+        stem: &input.stem,
+        camera: &camera,
+        image: Some(&image),
+        detections: found.into_iter().map(|found| (found.detection, found.extent)).collect(),
+    })
+}
+
+fn detections_file(out: &Path, stem: &str) -> PathBuf {
+    out.join(DETECTIONS).join(format!("{stem}.{ENDING}"))
+}
+
+/// Whether all files of an image are there; each is written whole or not at all.
+fn is_done(arguments: &Arguments, fitter: &Fitter, input: &Input) -> bool {
+    detections_file(&arguments.out, &input.stem).is_file()
+        && fitter.files(&input.stem).iter().all(|path| path.is_file())
+}
+
+#[cfg(test)]
+mod tests;

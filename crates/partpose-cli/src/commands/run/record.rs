@@ -1,0 +1,53 @@
+//! What a run depends on, as a file beside its results, so that two kinds of results are not mixed.
+
+use partpose::files;
+use serde_json::{Value, json};
+
+use super::Arguments;
+use crate::commands::fitting::Fitter;
+use crate::report::hint;
+
+/// Name of the record.
+const RECORD: &str = "run.json";
+
+/// Writes the record; with `--resume` an earlier one must say the same.
+pub(super) fn settle(arguments: &Arguments, weights: &str, fitter: &Fitter) -> anyhow::Result<()> {
+    let path = arguments.out.join(RECORD);
+    let record = record(arguments, weights, fitter)?;
+    if arguments.resume && path.exists() {
+        let earlier: Value = serde_json::from_slice(&files::read(&path)?).unwrap_or(Value::Null);
+        if let Some((key, was)) = difference(&earlier, &record) {
+            let is = &record[&key];
+            return Err(hint(
+                anyhow::anyhow!(
+                    "`{}` was written with other settings: `{key}` was {was}, now it is {is}",
+                    arguments.out.display()
+                ),
+                "give the same settings, another `--out`, or leave out `--resume` to write everything anew",
+            ));
+        }
+        return Ok(());
+    }
+    Ok(files::write(&path, serde_json::to_string_pretty(&record)?.as_bytes())?)
+}
+
+fn record(arguments: &Arguments, weights: &str, fitter: &Fitter) -> anyhow::Result<Value> {
+    let camera = match &arguments.camera {
+        Some(path) => json!(std::path::absolute(path)?.display().to_string()),
+        None => json!(format!("guessed: EXIF, else {} degrees", arguments.fov)),
+    };
+    Ok(json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "weights": weights,
+        "min_score": arguments.min_score,
+        "camera": camera,
+        "fit": serde_json::to_value(fitter.settings())?,
+    }))
+}
+
+/// The first setting that differs, with its earlier value.
+fn difference(earlier: &Value, now: &Value) -> Option<(String, Value)> {
+    let now = now.as_object()?;
+    let differs = now.iter().find(|(key, value)| earlier.get(key) != Some(*value));
+    differs.map(|(key, _)| (key.clone(), earlier.get(key).cloned().unwrap_or(Value::Null)))
+}
