@@ -31,7 +31,13 @@ fn run(layer: [usize; 7], own: bool, train: bool) {
     let [input, weight] =
         if train { [input.require_grad(), weight.require_grad()] } else { [input, weight] };
     let output = if own {
-        conv2d(input, weight, None, [s, s], [k / 2, k / 2])
+        conv2d(
+            input,
+            weight,
+            None,
+            None,
+            partpose_net::ops::ConvOptions { stride: s, ..partpose_net::ops::ConvOptions::same(k) },
+        )
     } else {
         let options = ConvOptions::new([s, s], [k / 2, k / 2], [1, 1], 1);
         module::conv2d(input, weight, None, options)

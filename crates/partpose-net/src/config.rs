@@ -164,7 +164,7 @@ pub struct RegionConfig {
     pub box_cells: usize,
     /// Cells a side for the part head (a pyramid's; with `c4` it shares the box head's features).
     pub part_cells: usize,
-    /// Points a side that a cell averages (RoIAlign).
+    /// Points a side that a cell averages (`RoIAlign`).
     pub points: usize,
 }
 

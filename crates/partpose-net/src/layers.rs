@@ -1,4 +1,4 @@
-//! Layers with parameters, named and laid out as PyTorch's: convolution, normalisation, full connection.
+//! Layers with parameters, named and laid out as `PyTorch`'s: convolution, normalisation, full connection.
 
 use burn::Tensor;
 use burn::module::{Module, Param, RunningState};
@@ -243,7 +243,9 @@ pub(crate) fn fold(conv: Conv, norm: Option<Norm>) -> (Conv, Option<Norm>) {
     let bias = (0..out).map(|o| (bias[o] - mean[o]) * factor[o] + beta[o]).collect();
     let mut weight = to_host(conv.weight.val());
     for (weights, factor) in weight.chunks_mut(channels * height * width).zip(&factor) {
-        weights.iter_mut().for_each(|weight| *weight *= factor);
+        for weight in weights {
+            *weight *= factor;
+        }
     }
     let init = Init::new(&device, 0);
     let weight = init.values(weight, [out, channels, height, width]);

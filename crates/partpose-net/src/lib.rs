@@ -30,6 +30,8 @@ pub mod validation;
 pub mod weights;
 
 mod second_stage;
+#[cfg(test)]
+mod torchvision;
 
 pub use config::NetConfig;
 pub use detector::{Detector, VehicleDetection};

@@ -26,7 +26,9 @@ pub fn soft_max(values: &mut [f32]) {
         *value = (*value - most).exp();
         sum += *value;
     }
-    values.iter_mut().for_each(|value| *value /= sum);
+    for value in values {
+        *value /= sum;
+    }
 }
 
 /// Cross-entropy of logits with the true class; the logits become its derivative, times `weight`.
@@ -34,7 +36,9 @@ pub fn cross_entropy(logits: &mut [f32], truth: usize, weight: f32) -> f32 {
     soft_max(logits);
     let loss = -logits[truth].max(f32::MIN_POSITIVE).ln();
     logits[truth] -= 1.0;
-    logits.iter_mut().for_each(|value| *value *= weight);
+    for value in logits {
+        *value *= weight;
+    }
     loss * weight
 }
 

@@ -1,9 +1,10 @@
 //! Operations of our own, where they beat what burn brings or burn has none.
 //!
-//! Each file holds the arithmetic on slices and the function on tensors; [`apply`](self) registers gradients.
+//! Each file holds the arithmetic on slices and the function on tensors; gradients are registered with burn in one place.
 
 pub mod attach;
 pub mod conv;
+pub mod conv2d;
 pub mod linear;
 pub mod norm;
 pub mod pool;
@@ -11,11 +12,13 @@ pub mod resize;
 pub mod roi_align;
 
 mod apply;
+#[cfg(test)]
+mod gradients;
 mod vector;
 mod winograd;
 
 pub use attach::attach;
-pub use conv::{ConvOptions, conv2d};
+pub use conv2d::{ConvOptions, conv2d};
 pub use linear::linear;
 pub use norm::{Normalised, batch_norm, fixed_norm, group_norm};
 pub use pool::{average, max_pool};

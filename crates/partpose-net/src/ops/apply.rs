@@ -210,6 +210,8 @@ impl<B: InMemory, const N: usize> Backward<B, N> for Step {
     }
 }
 
+// The methods' type is private to burn.
+#[allow(clippy::redundant_closure_for_method_calls)]
 fn register<B: InMemory, C: CheckpointStrategy, const N: usize>(
     kernel: Arc<dyn Kernel>,
     inputs: [FloatTensor<Autodiff<B, C>>; N],

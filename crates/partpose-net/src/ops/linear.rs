@@ -7,7 +7,7 @@ use partpose_kernels::{Matrix, MatrixMut, multiply};
 use rayon::prelude::*;
 
 use super::apply::{Backwards, Kernel, Output, View, apply};
-use super::conv::masked;
+use super::conv2d::masked;
 
 /// Columns that one task computes.
 const BLOCK: usize = 128;
@@ -33,7 +33,9 @@ impl Kernel for Linear {
         let right = Matrix::dense(inputs[1].values, [columns, depth]).transposed();
         product(&mut values, left, right, true);
         if self.relu {
-            values.iter_mut().for_each(|value| *value = value.max(0.0));
+            for value in &mut values {
+                *value = value.max(0.0);
+            }
         }
         Output { values, shape: vec![rows, columns], saved: Vec::new() }
     }

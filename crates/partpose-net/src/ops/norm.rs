@@ -3,6 +3,9 @@
 //! Ioffe and Szegedy: *Batch Normalization*, ICML 2015; Wu and He: *Group Normalization*, ECCV 2018. One pass over memory
 //! where a chain of tensor operations needs many.
 
+// Only what is inlined is compiled for the chosen vectors.
+#![allow(clippy::inline_always)]
+
 use std::sync::{Arc, Mutex};
 
 use burn::Tensor;

@@ -35,7 +35,9 @@ impl Kernel for UpsampleAdd {
                     let source = &coarse[y * from_height / height * from_width..][..from_width];
                     if width == 2 * from_width {
                         for (pair, value) in row.chunks_exact_mut(2).zip(source) {
-                            pair.iter_mut().for_each(|fine| *fine += value);
+                            for fine in pair {
+                                *fine += value;
+                            }
                         }
                     } else {
                         for (x, value) in row.iter_mut().enumerate() {
@@ -131,7 +133,9 @@ impl Kernel for Resize {
         let planes = result.par_chunks_mut(height * width);
         planes.zip(state.gradient.par_chunks(taps.len().max(1))).for_each(|(plane, gradient)| {
             for (value, taps) in gradient.iter().zip(&taps) {
-                taps.iter().for_each(|(at, weight)| plane[*at] += weight * value);
+                for (at, weight) in taps {
+                    plane[*at] += weight * value;
+                }
             }
         });
         vec![Some(result)]

@@ -149,7 +149,9 @@ fn backward(gradient: &[f32], regions: &[Region], level: usize, s: &RoiShape) ->
         for (r, _, taps, per_bin) in here.iter().filter(|entry| entry.1 == image) {
             let gradient = &gradient[(r * s.channels + channel) * out_area..][..out_area];
             for (value, taps) in gradient.iter().zip(taps.chunks(*per_bin)) {
-                taps.iter().for_each(|(at, weight)| plane[*at as usize] += weight * value);
+                for (at, weight) in taps {
+                    plane[*at as usize] += weight * value;
+                }
             }
         }
     });

@@ -1,0 +1,109 @@
+//! Convolution as an operation on tensors.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use burn::Tensor;
+
+use super::apply::{Backwards, Kernel, Output, View, apply};
+use super::conv::{ConvShape, Finish, backward_bias, backward_input, backward_weight, forward};
+
+/// How a convolution steps over its input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ConvOptions {
+    /// Step down and to the right.
+    pub stride: usize,
+    /// Zeros on all sides.
+    pub padding: usize,
+    /// Distance of a kernel's elements; 1 is the usual one.
+    pub dilation: usize,
+    /// Whether negative values become zero at the end.
+    pub relu: bool,
+}
+
+impl ConvOptions {
+    /// A convolution that keeps sizes, for kernels of an odd `size`.
+    pub const fn same(size: usize) -> Self {
+        Self { stride: 1, padding: size / 2, dilation: 1, relu: false }
+    }
+}
+
+/// Convolves `input`, `[batch, in_channels, height, width]`, with `weight`,
+/// `[out_channels, in_channels, kernel height, kernel width]`, and adds `bias`, `[out_channels]`, and `residual`, shaped
+/// like the result; a residual needs a bias.
+pub fn conv2d(
+    input: Tensor<4>,
+    weight: Tensor<4>,
+    bias: Option<Tensor<1>>,
+    residual: Option<Tensor<4>>,
+    options: ConvOptions,
+) -> Tensor<4> {
+    assert!(bias.is_some() || residual.is_none(), "a residual without a bias");
+    let mut inputs = vec![input.into_dispatch(), weight.into_dispatch()];
+    inputs.extend(bias.map(Tensor::into_dispatch));
+    inputs.extend(residual.map(Tensor::into_dispatch));
+    apply(&Arc::new(Convolution(options)), inputs)
+}
+
+#[derive(Debug)]
+struct Convolution(ConvOptions);
+
+impl Convolution {
+    /// Sizes; wrong ones are a bug of the network.
+    fn shape(&self, inputs: &[View<'_>]) -> ConvShape {
+        let [batch, in_channels, height, width] = inputs[0].dims4();
+        let [out_channels, depth, kernel_height, kernel_width] = inputs[1].dims4();
+        assert_eq!(in_channels, depth, "input {:?}, weight {:?}", inputs[0].shape, inputs[1].shape);
+        ConvShape {
+            batch,
+            in_channels,
+            out_channels,
+            in_size: [height, width],
+            kernel: [kernel_height, kernel_width],
+            stride: [self.0.stride; 2],
+            padding: [self.0.padding; 2],
+            dilation: self.0.dilation,
+        }
+    }
+}
+
+impl Kernel for Convolution {
+    fn forward(&self, inputs: &[View<'_>], _: bool) -> Output {
+        let s = self.shape(inputs);
+        let finish = Finish {
+            bias: inputs.get(2).map(|bias| bias.values),
+            residual: inputs.get(3).map(|residual| residual.values),
+            relu: self.0.relu,
+        };
+        let [height, width] = s.out_size();
+        Output {
+            values: forward(inputs[0].values, inputs[1].values, finish, &s),
+            shape: vec![s.batch, s.out_channels, height, width],
+            saved: Vec::new(),
+        }
+    }
+
+    fn backward(&self, state: &Backwards<'_>) -> Vec<Option<Vec<f32>>> {
+        let s = self.shape(&state.inputs);
+        let [input, weight] = [&state.inputs[0], &state.inputs[1]].map(|view| view.values);
+        let gradient = masked(state.gradient, state.output, self.0.relu);
+        let wanted = |i: usize| state.wanted.get(i) == Some(&true);
+        let mut gradients = vec![
+            wanted(0).then(|| backward_input(&gradient, weight, &s)),
+            wanted(1).then(|| backward_weight(input, &gradient, &s)),
+            wanted(2).then(|| backward_bias(&gradient, &s)),
+            wanted(3).then(|| gradient.to_vec()),
+        ];
+        gradients.truncate(state.inputs.len());
+        gradients
+    }
+}
+
+/// The gradient before the cut at zero: none where the output was cut off.
+pub(super) fn masked<'a>(gradient: &'a [f32], output: &[f32], relu: bool) -> Cow<'a, [f32]> {
+    if !relu {
+        return Cow::Borrowed(gradient);
+    }
+    let pairs = gradient.iter().zip(output);
+    Cow::Owned(pairs.map(|(value, output)| if *output > 0.0 { *value } else { 0.0 }).collect())
+}
