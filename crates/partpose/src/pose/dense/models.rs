@@ -245,7 +245,7 @@ impl Hypothesis {
     }
 
     /// Whether it is the same model at about the same rotation.
-    fn repeats(&self, other: &Self) -> bool {
+    pub(super) fn repeats(&self, other: &Self) -> bool {
         let (a, b) = (&self.scored.state, &other.scored.state);
         self.model == other.model
             && a.rotation.angle_to(&b.rotation) < 0.1
