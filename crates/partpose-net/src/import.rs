@@ -1,4 +1,4 @@
-//! Initial weights from others: torchvision's ResNets, Faster R-CNN and Mask R-CNN, as `.safetensors` or PyTorch files.
+//! Initial weights from others: torchvision's `ResNets`, Faster R-CNN and Mask R-CNN, as `.safetensors` or `PyTorch` files.
 //!
 //! Names are translated; a tensor is taken if ours of that name has its shape. What is left over is listed with the reason,
 //! so that nobody trains from random weights unawares.
@@ -22,7 +22,7 @@ pub enum ImportError {
     /// A safetensors file that cannot be read.
     #[error(transparent)]
     Weights(#[from] WeightsError),
-    /// A PyTorch file that cannot be read.
+    /// A `PyTorch` file that cannot be read.
     #[error("cannot read `{path}` as a PyTorch file")]
     Pytorch {
         /// The file.
@@ -93,6 +93,7 @@ pub fn import(path: &Path, net: &MaskRcnn) -> Result<Imported, ImportError> {
     Ok(fit(tensors, net))
 }
 
+#[allow(clippy::iter_over_hash_type, reason = "what is found becomes a map again")]
 fn read_pytorch(path: &Path) -> Result<HashMap<String, Values>, ImportError> {
     // So that a missing file and one that is too large are told as everywhere.
     files::read(path).map_err(WeightsError::from)?;
@@ -190,11 +191,10 @@ fn our_name(name: &str, finest: usize) -> String {
             return format!("{ours}{rest}");
         }
     }
-    if let Some(rest) = name.strip_prefix("roi_heads.mask_head.") {
-        if let Some((index, rest)) = rest.split_once('.') {
-            return format!("part_head.convs.{index}.{rest}");
-        }
-        // Older files: `mask_fcn1.weight`.
+    // Older files have `mask_fcn1.weight`, without a second dot.
+    let layer = name.strip_prefix("roi_heads.mask_head.").and_then(|rest| rest.split_once('.'));
+    if let Some((index, rest)) = layer {
+        return format!("part_head.convs.{index}.{rest}");
     }
     name.to_owned()
 }
@@ -251,6 +251,6 @@ mod tests {
         );
         assert!(lines[2..].iter().all(|line| line.ends_with("stays random")));
         assert_eq!(imported.weights.len(), 1 + 1 + lines.len() - 2);
-        assert!(imported.weights[0].values.iter().all(|value| *value == 0.5));
+        assert!(imported.weights[0].values.iter().all(|value| value.to_bits() == 0.5f32.to_bits()));
     }
 }

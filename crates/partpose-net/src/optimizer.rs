@@ -1,6 +1,6 @@
 //! From gradients to weights: momentum or Adam, on the host, so that a training can be saved and gone on with to the bit.
 //!
-//! Momentum as in PyTorch: `v = m v + g`, `w -= rate v`, weight decay added to the gradient. AdamW: Loshchilov and Hutter,
+//! Momentum as in `PyTorch`: `v = m v + g`, `w -= rate v`, weight decay added to the gradient. `AdamW`: Loshchilov and Hutter,
 //! *Decoupled Weight Decay Regularization*, ICLR 2019.
 
 use rayon::prelude::*;

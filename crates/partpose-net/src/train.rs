@@ -257,7 +257,8 @@ impl State {
             let frozen = config.optimizer.frozen.iter().any(|name| tensor.name.starts_with(name));
             !frozen && !is_statistic(&tensor.name)
         });
-        let best = curves.scores.iter().map(|row| row.quality()).fold(f64::MIN, f64::max);
+        let best =
+            curves.scores.iter().map(super::curves::ScoreRow::quality).fold(f64::MIN, f64::max);
         let checkpoint = saved.map_or_else(
             || Checkpoint {
                 step: 0,
@@ -295,7 +296,7 @@ impl State {
         if !values.iter().all(|value| value.is_finite()) {
             return Err(broken(&values));
         }
-        let gradients = gradients(&self.net, total, &self.trained);
+        let gradients = gradients(&self.net, &total, &self.trained);
         let norm = optimizer::norm(&gradients);
         if !norm.is_finite() {
             return Err(broken(&values));
@@ -383,7 +384,7 @@ fn values_of(losses: &Losses, total: &Tensor<1>) -> [f64; 8] {
 }
 
 /// The gradient of each tensor of the network, in its order; `None` for those that are not trained.
-fn gradients(net: &MaskRcnn, total: Tensor<1>, trained: &[bool]) -> Vec<Option<Vec<f32>>> {
+fn gradients(net: &MaskRcnn, total: &Tensor<1>, trained: &[bool]) -> Vec<Option<Vec<f32>>> {
     struct Collector<'a> {
         from: GradientsParams,
         trained: &'a [bool],

@@ -41,6 +41,7 @@ pub(crate) struct NoPose {
 
 /// What a detection gives: a pose or a reason.
 #[derive(IntoPyObject)]
+#[allow(clippy::large_enum_variant)]
 pub(crate) enum Outcome {
     Pose(PoseEstimate),
     None(NoPose),
@@ -224,6 +225,7 @@ impl PoseEstimate {
 
 #[pymethods]
 impl NoPose {
+    #[allow(clippy::unused_self)]
     fn __bool__(&self) -> bool {
         false
     }

@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
     /// Where values come from that neither file nor flags give
     #[arg(long, value_enum, default_value = "default")]
     preset: Preset,
-    /// Initial weights: ours, or torchvision's ResNet, Faster or Mask R-CNN (`.safetensors`, `.pth`); what fits is taken
+    /// Initial weights: ours, or torchvision's classifiers or detectors (`.safetensors`, `.pth`); what fits is taken
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
     init: Option<PathBuf>,
     /// Go on with the run in the folder

@@ -97,8 +97,9 @@ pub fn chi_square_below(x: f64, degrees: usize) -> f64 {
     }
     let (a, half) = (0.5 * degrees as f64, 0.5 * x);
     // ln gamma(a + 1) for half-integers: gamma(1/2) = sqrt(pi), gamma(t + 1) = t gamma(t).
-    let mut log_gamma = if degrees % 2 == 0 { 0.0 } else { 0.5 * std::f64::consts::PI.ln() };
-    let mut t = if degrees % 2 == 0 { 1.0 } else { 0.5 };
+    let mut log_gamma =
+        if degrees.is_multiple_of(2) { 0.0 } else { 0.5 * std::f64::consts::PI.ln() };
+    let mut t = if degrees.is_multiple_of(2) { 1.0 } else { 0.5 };
     while t < a + 0.75 {
         log_gamma += t.ln();
         t += 1.0;

@@ -79,7 +79,7 @@ impl GroundPlane {
             Some(prior) => (prior.down_in_camera.try_normalize(1e-9)?, prior.sigma),
             None => (Vector3::y(), options.level_sigma),
         };
-        let least = if gravity.is_some() && options.camera_height.is_some() { 0 } else { 1 };
+        let least = usize::from(gravity.is_none() || options.camera_height.is_none());
         if footings.len() < least {
             return None;
         }

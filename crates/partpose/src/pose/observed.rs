@@ -203,7 +203,9 @@ impl<'a> Cells<'a> {
 
     /// The least and the most that is drawn of a part at the pose and slightly turned against it, cells.
     fn at_any_turn(&self, part: PartClass) -> (f64, f64) {
-        let count = |labels: &Vec<u8>| labels.iter().filter(|label| **label == part.id()).count();
+        let count = |labels: &Vec<u8>| -> usize {
+            labels.iter().map(|label| usize::from(*label == part.id())).sum()
+        };
         let counts = self.turned.iter().chain([&self.picture.parts]).map(count);
         let (least, most) =
             counts.fold((usize::MAX, 0), |(least, most), n| (least.min(n), most.max(n)));

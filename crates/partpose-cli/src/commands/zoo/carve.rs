@@ -84,7 +84,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let measure = |carved: &Carved| -> anyhow::Result<MaskBias> {
         let include = |frame: &Frame, vehicle: usize| {
             let track = frame.vehicles[vehicle].track;
-            frame.index % MEASURED == 0
+            frame.index.is_multiple_of(MEASURED)
                 && track.is_none_or(|track| !leave_out(&frame.sequence, track))
         };
         measure_mask_bias(&frames, &zoo_of(carved), &include).ok_or_else(|| {

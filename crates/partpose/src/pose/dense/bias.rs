@@ -28,6 +28,7 @@ impl MaskBias {
     }
 
     /// The constant part alone: what a model that was carved with it leaves.
+    #[must_use]
     pub fn without_distance(&self) -> Self {
         Self { offset: self.offset, per_distance: [0.0; 4] }
     }

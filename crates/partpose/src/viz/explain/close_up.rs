@@ -178,7 +178,9 @@ impl<'a> CloseUp<'a> {
             let at = self.in_image(f64::from(x), f64::from(y));
             let image = self.explanation.camera.image_rect();
             if !bounds.contains(&at) || !image.contains(&at) {
-                pixel.iter_mut().for_each(|value| *value /= 3);
+                for value in pixel.iter_mut() {
+                    *value /= 3;
+                }
                 continue;
             }
             let line = |at: f64, low: f64, length: f64| {
