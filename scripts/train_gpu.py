@@ -6,6 +6,8 @@ loads like one of `partpose train`. Differences: bfloat16 arithmetic, batches of
 
     python3 scripts/train_gpu.py OUT.safetensors --minutes 7 --data DIR... [--later DIR...] [--net net.json]
 
+The number of regions differs from step to step, so cuDNN does not search for the fastest kernels.
+
 DIR: what `partpose synth --out DIR` wrote; those after --later are read half way, once their file READY exists.
 """
 import argparse
@@ -442,7 +444,7 @@ def main():
     device = torch.device("cuda")
     torch.manual_seed(args.seed)
     rng = np.random.default_rng(args.seed)
-    torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = torch.backends.cudnn.benchmark = True
+    torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = True
     SWAP_T = torch.tensor(SWAP, device=device)
     MEAN_T, STD_T = (torch.tensor(v, device=device).view(1, 3, 1, 1) for v in (MEAN, STD))
     CODER_T = torch.tensor(CODER, device=device)

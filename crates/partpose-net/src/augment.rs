@@ -133,9 +133,10 @@ pub fn choose_view(
     let examples: Vec<&SampleVehicle> = sample.vehicles.iter().filter(|v| v.learn).collect();
     let around = rng.random::<f64>() < config.around_vehicle && !examples.is_empty();
     let chosen = around.then(|| examples[rng.random_range(0..examples.len())].corners);
-    if let Some([_, y0, _, y1]) = chosen {
+    if let Some([x0, y0, x1, y1]) = chosen {
         // Most of a vehicle that is larger than the view should be in it all the same.
-        let fits = 1.1 * most[1] as f64 / f64::from(y1 - y0).max(1.0);
+        let fits = [x1 - x0, y1 - y0].map(|side| f64::from(side).max(1.0));
+        let fits = (1.1 * most[0] as f64 / fits[0]).min(1.1 * most[1] as f64 / fits[1]);
         scale = scale.min(fits.max(scales[0]));
     }
     let image = sample.image.size.map(f64::from);
