@@ -318,7 +318,7 @@ impl Sums {
 
     fn verdict(&self, agreement: f64) -> PartVerdict {
         if self.known < LEAST[1] && self.seen < LEAST[1] {
-            let hidden = self.drawn >= LEAST[1];
+            let hidden = self.drawn >= LEAST[1] && self.known < 0.5 * self.drawn;
             return if hidden { PartVerdict::Hidden } else { PartVerdict::TooSmall };
         }
         if agreement >= DISPLACED {

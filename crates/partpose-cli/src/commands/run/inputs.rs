@@ -56,28 +56,29 @@ pub(super) fn collect(wanted: &[String], shard: Option<Shard>) -> anyhow::Result
     Ok(all)
 }
 
-/// Adds the images that one argument means.
+/// Adds the images that one argument means, those that are known already included.
 fn expand(text: &str, paths: &mut BTreeSet<PathBuf>) -> anyhow::Result<()> {
     let path = Path::new(text);
-    let before = paths.len();
+    let mut found = BTreeSet::new();
     if path.is_dir() {
-        search(path, DEEPEST, paths)?;
-        if paths.len() == before {
+        search(path, DEEPEST, &mut found)?;
+        if found.is_empty() {
             return Err(hint(
                 anyhow::anyhow!("the folder `{text}` holds no image"),
                 "PNG and JPEG files are looked for in it and in its folders",
             ));
         }
     } else if path.exists() {
-        paths.insert(absolute(path));
+        found.insert(absolute(path));
     } else if text.contains(['*', '?']) {
-        matching(path, paths)?;
-        if paths.len() == before {
+        matching(path, &mut found)?;
+        if found.is_empty() {
             anyhow::bail!("no image matches `{text}`");
         }
     } else {
         anyhow::bail!("there is no image or folder `{text}`");
     }
+    paths.append(&mut found);
     Ok(())
 }
 
