@@ -28,12 +28,13 @@ const DEFAULT_VARIATION: &str = "clone";
 const CALIBRATION_FRAMES: usize = 40;
 
 #[derive(clap::Args)]
+#[command(group = clap::ArgGroup::new("source").required(true))]
 #[command(after_help = "Examples:
   partpose explain --detections detections.safetensors --camera camera.toml --zoo zoo --out why
   partpose explain --dataset vkitti --oracle --worlds 0018 --frames 5 --degrade 85 --zoo zoo-0001 --out why")]
 pub(crate) struct Arguments {
     /// Detections as `fit` reads them
-    #[arg(long, value_name = "FILE", requires = "camera", required_unless_present = "dataset")]
+    #[arg(long, value_name = "FILE", requires = "camera", group = "source")]
     detections: Option<PathBuf>,
     /// Camera of the detections: TOML, KITTI calib, or the folder of a data set
     #[arg(long, value_name = "FILE")]
@@ -42,7 +43,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DIR", requires = "detections")]
     images: Option<PathBuf>,
     /// Folder of a data set, whose labelled vehicles are explained beside the truth
-    #[arg(long, value_name = "DIR", conflicts_with = "detections", requires = "oracle")]
+    #[arg(long, value_name = "DIR", group = "source", requires = "oracle")]
     dataset: Option<PathBuf>,
     /// Make detections from the ground truth of the data set
     #[arg(long)]
