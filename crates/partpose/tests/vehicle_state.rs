@@ -76,16 +76,6 @@ fn part(estimate: &PoseEstimate, part: PartClass) -> &PartState {
     estimate.parts.iter().find(|state| state.part == part).expect("the part is listed")
 }
 
-fn without(mesh: &Mesh, part: PartClass) -> Mesh {
-    let keep = |i: &usize| mesh.parts[*i] != part;
-    let kept: Vec<usize> = (0..mesh.faces.len()).filter(keep).collect();
-    Mesh {
-        vertices: mesh.vertices.clone(),
-        faces: kept.iter().map(|i| mesh.faces[*i]).collect(),
-        parts: kept.iter().map(|i| mesh.parts[*i]).collect(),
-    }
-}
-
 #[test]
 fn an_intact_vehicle_agrees_with_its_model_part_by_part() {
     let zoo = ModelZoo::embedded();
@@ -111,24 +101,6 @@ fn an_intact_vehicle_agrees_with_its_model_part_by_part() {
             count += 1;
         }
         assert!(count >= 1, "no wheel at yaw {yaw}");
-    }
-}
-
-#[test]
-fn a_mirror_that_is_torn_off_is_missing() {
-    let zoo = ModelZoo::embedded();
-    // Nearly along the vehicle, where both mirrors stand out and are a large part of the box.
-    let label = label(&zoo, 7.0, 0.1);
-    let intact = observed(&label, Clone::clone);
-    let shown = intact
-        .parts
-        .iter()
-        .filter(|p| p.verdict == PartVerdict::Agrees && p.part.name().starts_with("mirror"));
-    let mirrors: Vec<PartClass> = shown.map(|p| p.part).collect();
-    assert!(!mirrors.is_empty(), "no mirror is large enough to be judged");
-    for mirror in mirrors {
-        let estimate = observed(&label, |mesh| without(mesh, mirror));
-        assert_eq!(part(&estimate, mirror).verdict, PartVerdict::Missing, "{mirror:?}");
     }
 }
 
