@@ -1,17 +1,34 @@
 #!/usr/bin/env bash
-# Builds and tests the Python package in an environment of its own below target/. Not yet part of .ci/run.
+# Tests the Python package in an environment of its own below target/: pytest, and the stubs against the module.
+#
+#   scripts/test_python.sh          the library as `cargo build --release` makes it, which shares what `cargo run
+#                                   --release` has built
+#   scripts/test_python.sh --pip    installed by `pip install .`, which builds all of it once more; and the examples for
+#                                   Rerun, Daft and Ray (0.6 GB of packages)
 set -euo pipefail
 cd "$(dirname "$0")/.."
-# Needs what not every machine has: Python 3.10 with venv, and a package index.
-venv=target/ci-venv
+root=$PWD
+venv=$root/target/python-venv
+packages=("numpy>=1.24" "pytest>=8" "mypy>=1.15")
+
 if ! python3 -c 'import sys, venv; sys.exit(sys.version_info < (3, 10))' 2>/dev/null; then
   echo "skipped: there is no Python 3.10 with venv"
-elif ! { python3 -m venv "$venv" && "$venv/bin/pip" install --quiet "maturin>=1.9,<2" "numpy>=1.24" "pytest>=8" "mypy>=1.15"; }; then
-  echo "skipped: pip could not install maturin, numpy, pytest and mypy"
-else
-  # Without isolation pip calls the `maturin` of the path.
-  PATH="$PWD/$venv/bin:$PATH"
-  pip install --quiet --no-build-isolation .
-  python -m pytest -q crates/partpose-py/tests
-  (cd "$venv" && python -m mypy.stubtest partpose._partpose)
+  exit 0
 fi
+if ! { python3 -m venv "$venv" && "$venv/bin/python" -m pip install --quiet "${packages[@]}"; }; then
+  echo "skipped: pip could not install ${packages[*]}"
+  exit 0
+fi
+if [ "${1:-}" = --pip ]; then
+  "$venv/bin/python" -m pip install --verbose ".[rerun,daft]"
+else
+  cargo build --release
+  # The package's files beside the library, as the wheel has them.
+  stage=$root/target/python
+  rm -rf "$stage" && mkdir -p "$stage"
+  cp -r crates/partpose-py/python/partpose "$stage/partpose"
+  cp target/release/lib_partpose.so "$stage/partpose/_partpose.abi3.so"
+  export PYTHONPATH=$stage
+fi
+"$venv/bin/python" -m pytest -q crates/partpose-py/tests examples/daft
+cd "$venv" && "$venv/bin/python" -m mypy.stubtest partpose._partpose

@@ -1,17 +1,19 @@
 //! A vehicle's place, turn and size.
 
 use nalgebra::{Matrix3, UnitQuaternion};
-use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArrayLike2, PyArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use partpose::geometry::{Extent, Pose, Rotation3, Vector3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+
+use crate::arrays;
 
 /// How far a matrix may be from a rotation.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
 /// A vehicle's cuboid in the camera frame.
-#[pyclass(frozen, from_py_object, module = "partpose")]
-#[derive(Clone, Copy)]
+#[pyclass(frozen, eq, from_py_object, module = "partpose")]
+#[derive(Clone, Copy, PartialEq)]
 pub(crate) struct Cuboid {
     pub(crate) inner: partpose::geometry::Cuboid,
 }
@@ -20,26 +22,32 @@ pub(crate) struct Cuboid {
 impl Cuboid {
     #[new]
     fn new(
-        translation: [f64; 3],
-        rotation: PyArrayLike2<'_, f64, AllowTypeChange>,
-        extent: [f64; 3],
+        translation: &Bound<'_, PyAny>,
+        rotation: &Bound<'_, PyAny>,
+        extent: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
-        let rotation = rotation.as_array();
-        if rotation.shape() != [3, 3] {
-            let shape = rotation.shape();
-            return Err(PyValueError::new_err(format!(
-                "the rotation has the shape {shape:?}, but [3, 3] is needed"
-            )));
-        }
-        let matrix = Matrix3::from_fn(|i, j| rotation[[i, j]]);
+        let translation = arrays::triple("translation", "[3], in metres,", translation)?;
+        let wanted = arrays::Wanted {
+            name: "rotation",
+            sides: &[arrays::Side::Is(3), arrays::Side::Is(3)],
+            said: "[3, 3]",
+        };
+        let array = wanted.read::<f64>(rotation)?;
+        let view = array.as_array();
+        let matrix = Matrix3::from_fn(|i, j| view[[i, j]]);
         let miss = (matrix * matrix.transpose() - Matrix3::identity()).abs().max();
         if !(miss <= ROTATION_TOLERANCE) || matrix.determinant() < 0.0 {
-            return Err(PyValueError::new_err("the matrix is not a rotation"));
+            return Err(PyValueError::new_err(
+                "`rotation` is not a rotation: its rows must be orthonormal and its determinant 1",
+            ));
         }
         if translation.iter().any(|value| !(value.abs() <= 1e6)) {
-            return Err(PyValueError::new_err("the translation must be three sensible numbers"));
+            return Err(PyValueError::new_err(format!(
+                "`translation` is {translation:?}, but three lengths below 1,000 km are needed"
+            )));
         }
-        let extent = checked_extent(extent)?;
+        let extent = arrays::triple("extent", "[3], width, height, length,", extent)?;
+        let extent = checked_extent("extent", extent)?;
         let rotation =
             UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
         let place = Vector3::from(translation);
@@ -58,9 +66,8 @@ impl Cuboid {
     }
 
     #[getter]
-    fn extent(&self) -> [f64; 3] {
-        let Extent { width, height, length } = self.inner.extent;
-        [width, height, length]
+    fn extent(&self) -> (f64, f64, f64) {
+        sides(&self.inner.extent)
     }
 
     fn corners<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
@@ -68,13 +75,27 @@ impl Cuboid {
         corners.into_pyarray(py).reshape([8, 3])
     }
 
+    /// The smallest box around its picture; None behind the camera.
+    fn project(&self, camera: &crate::camera::Camera) -> Option<[f64; 4]> {
+        let rect = self.inner.project(&camera.inner)?;
+        Some([rect.x_min, rect.y_min, rect.x_max, rect.y_max])
+    }
+
     fn iou(&self, other: &Self) -> f64 {
         self.inner.iou(&other.inner)
     }
 
+    /// What pickle calls the class with.
+    fn __getnewargs__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, (f64, f64, f64))> {
+        Ok((self.translation(py), self.rotation(py)?, self.extent()))
+    }
+
     fn __repr__(&self) -> String {
         let place = &self.inner.camera_from_vehicle.translation;
-        let [width, height, length] = self.extent();
+        let (width, height, length) = self.extent();
         format!(
             "<Cuboid at ({:.2}, {:.2}, {:.2}) m, {width:.2} x {height:.2} x {length:.2} m>",
             place.x, place.y, place.z
@@ -83,12 +104,19 @@ impl Cuboid {
 }
 
 /// An extent from width, height, length.
-pub(crate) fn checked_extent([width, height, length]: [f64; 3]) -> PyResult<Extent> {
+pub(crate) fn checked_extent(name: &str, sides: [f64; 3]) -> PyResult<Extent> {
+    let [width, height, length] = sides;
     let extent = Extent::new(width, height, length);
-    if extent.is_valid() && [width, height, length].iter().all(|side| *side <= 100.0) {
+    if extent.is_valid() && sides.iter().all(|side| *side <= 100.0) {
         return Ok(extent);
     }
-    Err(PyValueError::new_err("width, height and length must lie above 0 and below 100 metres"))
+    Err(PyValueError::new_err(format!(
+        "`{name}` has {sides:?}, but width, height and length lie above 0 and below 100 metres"
+    )))
+}
+
+pub(crate) fn sides(extent: &Extent) -> (f64, f64, f64) {
+    (extent.width, extent.height, extent.length)
 }
 
 pub(crate) fn translation<'py>(py: Python<'py>, pose: &Pose) -> Bound<'py, PyArray1<f64>> {

@@ -20,23 +20,32 @@ pub(crate) fn run<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> P
 
 /// An `OSError` where the system refused a file, else a `ValueError`, with all causes.
 pub(crate) fn error(error: &(dyn Error + 'static)) -> PyErr {
+    let refused = causes(error).any(|one| {
+        one.is::<std::io::Error>()
+            || matches!(
+                one.downcast_ref::<FileError>(),
+                Some(
+                    FileError::Read { .. } | FileError::Write { .. } | FileError::NotAFolder { .. }
+                )
+            )
+    });
+    let said = words(error);
+    if refused { PyOSError::new_err(said) } else { PyValueError::new_err(said) }
+}
+
+/// An error with its causes, none said twice.
+pub(crate) fn words(error: &(dyn Error + 'static)) -> String {
     let mut said: Vec<String> = Vec::new();
-    let (mut cause, mut refused) = (Some(error), false);
-    while let Some(one) = cause {
-        let text = one.to_string();
+    for text in causes(error).map(ToString::to_string) {
         if !said.last().is_some_and(|last| last.ends_with(&text)) {
             said.push(text);
         }
-        let file = one.downcast_ref::<FileError>();
-        refused |= matches!(
-            file,
-            Some(FileError::Read { .. } | FileError::Write { .. } | FileError::NotAFolder { .. })
-        );
-        refused |= one.is::<std::io::Error>();
-        cause = one.source();
     }
-    let said = said.join(": ");
-    if refused { PyOSError::new_err(said) } else { PyValueError::new_err(said) }
+    said.join(": ")
+}
+
+fn causes<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn Error + 'static)> {
+    std::iter::successors(Some(error), |one: &&'a (dyn Error + 'static)| (*one).source())
 }
 
 /// Panics, to test that Python gets an exception.

@@ -1,8 +1,10 @@
-//! Scores: one pose against its truth, and KITTI's average precision.
+//! Scores: one pose against its truth, KITTI's and COCO's average precision.
 
 use std::path::PathBuf;
 
+use partpose::eval::coco::{CocoOverlap, read_coco, score_coco as coco};
 use partpose::eval::kitti::{self, Curve, KittiDifficulty, KittiOptions, read_kitti};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -28,7 +30,7 @@ pub(crate) fn pose_deviation<'py>(
 
 /// Class, metric, recall points, difficulty: percent, or None where no label counts.
 #[pyfunction]
-#[pyo3(signature = (labels, results, subset = false))]
+#[pyo3(signature = (labels, results, *, subset = false))]
 pub(crate) fn score_kitti(
     py: Python<'_>,
     labels: PathBuf,
@@ -77,4 +79,40 @@ fn levels<'py>(
         levels.set_item(level.name, value)?;
     }
     Ok(levels)
+}
+
+/// COCO's twelve figures, 0 to 1; None where no label counts.
+#[pyfunction]
+#[pyo3(signature = (labels, results, *, overlap = "bbox"))]
+pub(crate) fn score_coco<'py>(
+    py: Python<'py>,
+    labels: PathBuf,
+    results: PathBuf,
+    overlap: &str,
+) -> PyResult<Bound<'py, PyDict>> {
+    let measured = match overlap {
+        "bbox" => CocoOverlap::Boxes,
+        "segm" => CocoOverlap::Masks,
+        other => {
+            let said = format!("`overlap` is `{other}`, but `bbox` or `segm` is needed");
+            return Err(PyValueError::new_err(said));
+        }
+    };
+    let scored = guard::run(py, || {
+        let set = read_coco(&labels, &results).map_err(|error| guard::error(&error))?;
+        Ok(set.has(measured).then(|| coco(&set, measured)))
+    })?;
+    let scores = scored.and_then(|scores| {
+        scores.ok_or_else(|| {
+            let key = if overlap == "bbox" { "bbox" } else { "segmentation" };
+            PyValueError::new_err(format!(
+                "`overlap` is `{overlap}`, but some label or result has no `{key}`"
+            ))
+        })
+    })?;
+    let figures = PyDict::new(py);
+    for (name, value) in scores.figures {
+        figures.set_item(name, value)?;
+    }
+    Ok(figures)
 }

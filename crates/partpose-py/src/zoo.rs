@@ -1,35 +1,36 @@
 //! Annotated models, and pictures of their parts.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
-use partpose::geometry::Extent;
 use partpose::render::{Instance, render_labels as render};
 use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::camera::Camera;
-use crate::cuboid::Cuboid;
+use crate::cuboid::{Cuboid, sides};
 use crate::guard;
 
 /// Models to choose from.
 #[pyclass(frozen, module = "partpose")]
 pub(crate) struct ModelZoo {
-    pub(crate) inner: partpose::vehicle::ModelZoo,
+    pub(crate) inner: Arc<partpose::vehicle::ModelZoo>,
 }
 
 #[pymethods]
 impl ModelZoo {
     #[staticmethod]
     fn embedded(py: Python<'_>) -> PyResult<Self> {
-        Ok(Self { inner: guard::run(py, partpose::vehicle::ModelZoo::embedded)? })
+        let embedded = guard::run(py, partpose::vehicle::ModelZoo::embedded)?;
+        Ok(Self { inner: Arc::new(embedded) })
     }
 
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let loaded = guard::run(py, || partpose::vehicle::ModelZoo::load(&path))?;
-        Ok(Self { inner: loaded.map_err(|error| guard::error(&error))? })
+        Ok(Self { inner: Arc::new(loaded.map_err(|error| guard::error(&error))?) })
     }
 
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
@@ -46,14 +47,20 @@ impl ModelZoo {
     }
 
     fn __getitem__(&self, name: &str) -> PyResult<VehicleModel> {
-        let model = self.inner.get(name).cloned();
-        model
-            .map(|inner| VehicleModel { inner })
-            .ok_or_else(|| PyKeyError::new_err(name.to_owned()))
+        Ok(VehicleModel { inner: self.model(name)?.clone() })
     }
 
     fn __repr__(&self) -> String {
         format!("<ModelZoo of {} models>", self.inner.models.len())
+    }
+}
+
+impl ModelZoo {
+    fn model(&self, name: &str) -> PyResult<&partpose::vehicle::VehicleModel> {
+        self.inner.get(name).ok_or_else(|| {
+            let names = self.names().join(", ");
+            PyKeyError::new_err(format!("there is no model `{name}`; there are {names}"))
+        })
     }
 }
 
@@ -81,9 +88,8 @@ impl VehicleModel {
     }
 
     #[getter]
-    fn extent(&self) -> [f64; 3] {
-        let Extent { width, height, length } = self.inner.extent();
-        [width, height, length]
+    fn extent(&self) -> (f64, f64, f64) {
+        sides(&self.inner.extent())
     }
 
     #[getter]
@@ -120,11 +126,14 @@ pub(crate) fn render_labels<'py>(
     vehicles: Vec<(String, Cuboid)>,
 ) -> PyResult<Bound<'py, PyDict>> {
     if vehicles.len() > usize::from(u16::MAX) - 1 {
-        return Err(PyValueError::new_err("more vehicles than 16 bits can tell apart"));
+        return Err(PyValueError::new_err(format!(
+            "`vehicles` has {} vehicles, more than 16 bits can tell apart",
+            vehicles.len()
+        )));
     }
     let mut instances = Vec::with_capacity(vehicles.len());
     for (id, (name, cuboid)) in (1..).zip(&vehicles) {
-        let model = zoo.inner.get(name).ok_or_else(|| PyKeyError::new_err(name.clone()))?;
+        let model = zoo.model(name)?;
         instances.push(Instance {
             mesh: model.mesh(),
             scale: cuboid.inner.extent.ratio(&model.extent()),
