@@ -1,4 +1,4 @@
-"""What `fit` costs from Python over Rust, on the same detections, turn by turn; needs `pip install .`.
+"""What `fit` costs from Python over Rust, on the same detections, in the same calls; needs `pip install .`.
 
 Rust's time is that of the fit alone, once the detections are its own types; Python's is the whole call with arrays in
 and objects out. Detections: the labelled vehicles of a data set, with their part masks as probabilities.
@@ -27,18 +27,15 @@ for frame in partpose.Dataset(given.dataset).frames()[:: given.stride]:
     if len(boxes) and parts is not None:
         probabilities = partpose.probabilities_from_labels(parts, boxes)
         frames.append((frame.camera, boxes, np.ones(len(boxes)), probabilities))
-rust, python, ratios = [], [], []
+rust, python = [], []
 for _ in range(given.rounds):
-    seconds = [0.0, 0.0]
     for frame in frames:
-        seconds[0] += estimator._seconds_of_fit(*frame)
         start = time.perf_counter()
-        estimator.fit(*frame)
-        seconds[1] += time.perf_counter() - start
-    rust.append(seconds[0])
-    python.append(seconds[1])
-    ratios.append(seconds[1] / seconds[0])
-count = sum(len(boxes) for _, boxes, _, _ in frames)
-print(f"{count} detections in {len(frames)} images, {given.method}, median of {given.rounds} rounds:")
-print(f"Rust {1000 * statistics.median(rust) / count:.3f} ms, Python {1000 * statistics.median(python) / count:.3f} ms a detection")
-print(f"Python / Rust: {statistics.median(ratios):.3f} (from {min(ratios):.3f} to {max(ratios):.3f})")
+        _, seconds = estimator._fit_and_seconds(*frame)
+        python.append(time.perf_counter() - start)
+        rust.append(seconds)
+ratios = [whole / fit for whole, fit in zip(python, rust)]
+count = given.rounds * sum(len(boxes) for _, boxes, _, _ in frames)
+print(f"{count} fits in {len(ratios)} calls, {given.method}:")
+print(f"Rust {1000 * sum(rust) / count:.3f} ms, Python {1000 * sum(python) / count:.3f} ms a detection")
+print(f"Python / Rust: {statistics.median(ratios):.4f} in the median call, {sum(python) / sum(rust):.4f} of all")

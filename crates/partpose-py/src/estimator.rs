@@ -124,15 +124,15 @@ impl PoseEstimator {
         guard::run(py, || self.fit_images(camera, &detections, &extents, &images, &options))
     }
 
-    /// Seconds that Rust alone takes for a fit whose arrays have become its own types: what is left is Python's share.
-    fn _seconds_of_fit(
+    /// `fit`, and the seconds of it that were Rust's alone, once the arrays had become its own types.
+    fn _fit_and_seconds(
         &self,
         py: Python<'_>,
         camera: &Camera,
         boxes: &Bound<'_, PyAny>,
         scores: &Bound<'_, PyAny>,
         part_probabilities: &Bound<'_, PyAny>,
-    ) -> PyResult<f64> {
+    ) -> PyResult<(Vec<Outcome>, f64)> {
         let detections = detections::read(boxes, scores, part_probabilities, "center")?;
         let extents = extent_sources(None, detections.len())?;
         let images = images(None, detections.len())?;
@@ -140,9 +140,7 @@ impl PoseEstimator {
         guard::run(py, || {
             let start = std::time::Instant::now();
             let found = self.fit_images(camera, &detections, &extents, &images, &options);
-            let seconds = start.elapsed().as_secs_f64();
-            drop(found);
-            seconds
+            (found, start.elapsed().as_secs_f64())
         })
     }
 }

@@ -1,10 +1,35 @@
 from os import PathLike
 from typing import Any, Literal, TypedDict, final, type_check_only
 
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from typing_extensions import NotRequired
+
+__all__ = [
+    "__version__",
+    "PARTS",
+    "ModelZoo",
+    "VehicleModel",
+    "Camera",
+    "Cuboid",
+    "Dataset",
+    "Frame",
+    "Detector",
+    "PoseEstimator",
+    "PoseEstimate",
+    "NoPose",
+    "probabilities_from_labels",
+    "read_detections",
+    "read_image",
+    "label_dataset",
+    "label_frame",
+    "write_results",
+    "render_labels",
+    "pose_deviation",
+    "score_coco",
+    "score_kitti",
+    "_panic_for_tests",
+]
 
 __version__: str
 PARTS: list[tuple[int, str, tuple[int, int, int]]]
@@ -231,9 +256,9 @@ class PoseEstimator:
         cores). `ground` estimates the road and puts the vehicles on it; `camera_height` is that above it in metres;
         `gravity` [3] points down in the camera frame.
         """
-    def _seconds_of_fit(
+    def _fit_and_seconds(
         self, camera: Camera, boxes: ArrayLike, scores: ArrayLike, part_probabilities: ArrayLike
-    ) -> float: ...
+    ) -> tuple[list[PoseEstimate | NoPose], float]: ...
 
 @final
 class Frame:
