@@ -8,10 +8,9 @@
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use partpose::detection::Detection;
+use partpose::detection::{DetectedSize, Detection};
 use partpose::files::{self, RgbImage};
-use partpose::geometry::Extent;
-use partpose_net::detector::Detector;
+use partpose_net::detector::{Detector, VehicleDetection};
 use partpose_net::weights;
 
 use crate::report::hint;
@@ -32,13 +31,6 @@ pub(crate) struct Network {
     pub(crate) identity: String,
     kernel: usize,
     detector: Detector,
-}
-
-/// A vehicle that was found.
-pub(crate) struct Found {
-    pub(crate) detection: Detection,
-    /// Its size, where the network says it.
-    pub(crate) extent: Option<Extent>,
 }
 
 impl Network {
@@ -78,12 +70,13 @@ impl Network {
     }
 
     /// The vehicles of an image, best first.
-    pub(crate) fn detect(&self, image: &RgbImage) -> anyhow::Result<Vec<Found>> {
+    pub(crate) fn detect(&self, image: &RgbImage) -> anyhow::Result<Vec<Detection>> {
         let found = self.detector.detect(image)?;
-        let found = found
-            .into_iter()
-            .map(|found| Found { detection: found.detection, extent: found.extent });
-        Ok(found.collect())
+        let detection = |found: VehicleDetection| {
+            let size = found.extent.map(DetectedSize::exact);
+            Detection { size, ..found.detection }
+        };
+        Ok(found.into_iter().map(detection).collect())
     }
 }
 

@@ -33,6 +33,10 @@ pub(crate) struct PoseFlags {
     /// Outermost rows and columns of the image that count as its border under `cfix`
     #[arg(long, value_name = "PIXELS", default_value_t = 1, value_parser = clap::value_parser!(u32).range(..=1000))]
     border: u32,
+    /// How much a detector's probabilities of models count beside its masks when the dense fit compares models: 0 for
+    /// nothing, 1 as if they were independent of the masks and honest
+    #[arg(long, value_name = "WEIGHT", default_value_t = DenseOptions::default().model_weight, value_parser = weight)]
+    model_weight: f64,
     /// Seed of whatever is random
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
@@ -90,6 +94,13 @@ fn share(text: &str) -> Result<f64, String> {
     }
 }
 
+fn weight(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=100.0).contains(&value) => Ok(value),
+        _ => Err("a number from 0 to 100 is meant".to_owned()),
+    }
+}
+
 impl PoseFlags {
     /// The options that the flags ask for.
     pub(crate) fn options(&self) -> PoseOptions {
@@ -122,7 +133,7 @@ impl PoseFlags {
             },
             refine: self.refine,
             seed: self.seed,
-            dense: DenseOptions::default(),
+            dense: DenseOptions { model_weight: self.model_weight, ..Default::default() },
         }
     }
 }

@@ -67,12 +67,9 @@ fn in_image(
 ) -> Result<VehicleDetection, ProbabilityError> {
     let scale = [0, 1].map(|i| f64::from(size[i]) / input.size[i] as f64);
     let [x0, y0, x1, y1] = [0, 1, 2, 3].map(|i| f64::from(raw.corners[i]) * scale[i % 2] - 0.5);
-    let detection = Detection {
-        bounds: Rect::new(x0, y0, x1, y1),
-        score: f64::from(raw.score),
-        probabilities: PartProbabilities::new(kernel, raw.probabilities)?,
-        unknown: None,
-    };
+    let probabilities = PartProbabilities::new(kernel, raw.probabilities)?;
+    let bounds = Rect::new(x0, y0, x1, y1);
+    let detection = Detection::new(bounds, f64::from(raw.score), probabilities);
     let extent = raw.extents.map(|e| e.map(f64::from)).map(|[w, h, l]| Extent::new(w, h, l));
     Ok(VehicleDetection { detection, models: raw.models, extent })
 }

@@ -87,7 +87,7 @@ pub(crate) fn read(
             let said = format!("`part_probabilities`: detection {index}: {error}");
             PyValueError::new_err(said)
         })?;
-        Ok(Detection { bounds, score, probabilities, unknown: None })
+        Ok(Detection::new(bounds, score, probabilities))
     };
     bounds.into_iter().enumerate().map(one).collect()
 }
@@ -169,7 +169,11 @@ pub(crate) fn read_detections(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'
     let read = guard::run(py, || partpose::formats::read_detections(&path))?;
     let file = read.map_err(|error| guard::error(&error))?;
     let detections: Vec<&Detection> = file.detections.iter().map(|(_, one)| one).collect();
-    let found = as_arrays(py, &detections, file.extents.as_deref())?;
+    // Sizes are told where all have them.
+    let extents: Option<Vec<Extent>> =
+        detections.iter().map(|one| Some(one.size?.extent)).collect();
+    let extents = extents.filter(|extents| !extents.is_empty());
+    let found = as_arrays(py, &detections, extents.as_deref())?;
     found.set_item("images", &file.images)?;
     let image: Vec<i64> = file.detections.iter().map(|(image, _)| *image as i64).collect();
     found.set_item("image", image.into_pyarray(py))?;

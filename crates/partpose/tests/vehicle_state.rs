@@ -105,6 +105,48 @@ fn an_intact_vehicle_agrees_with_its_model_part_by_part() {
 }
 
 #[test]
+#[expect(clippy::print_stdout, reason = "docs/dense-fit.md quotes the rates")]
+fn a_torn_off_mirror_is_told_and_whole_cars_raise_few_alarms() {
+    let zoo = ModelZoo::embedded();
+    let is_mirror = |part: PartClass| part.name().starts_with("mirror");
+    let (mut judged, mut alarms, mut shown, mut told, mut wrong) = (0, 0, 0, 0, 0);
+    for depth in [6.0, 8.0, 11.0] {
+        for step in 0..8 {
+            let label = label(&zoo, depth, 0.15 + f64::from(step) * 0.785);
+            let intact = observed(&label, Clone::clone);
+            let is_false =
+                |p: &&PartState| !matches!(p.verdict, PartVerdict::Agrees | PartVerdict::TooSmall);
+            judged += intact.parts.len();
+            alarms += intact.parts.iter().filter(is_false).count();
+            let agree = intact.parts.iter().filter(|p| p.verdict == PartVerdict::Agrees);
+            for mirror in agree.map(|p| p.part).filter(|part| is_mirror(*part)) {
+                let torn = observed(&label, |mesh| without(mesh, mirror));
+                let verdict = |part| torn.parts.iter().find(|p| p.part == part).map(|p| p.verdict);
+                shown += 1;
+                told += usize::from(verdict(mirror) == Some(PartVerdict::Missing));
+                let other = verdict(mirror.opposite());
+                wrong += usize::from(other == Some(PartVerdict::Missing));
+            }
+        }
+    }
+    println!("{alarms} alarms of {judged} parts; {told} of {shown} mirrors told, {wrong} others");
+    assert!(shown >= 20, "{shown} mirrors are large enough to be judged");
+    assert!(told * 10 >= shown * 8, "{told} of {shown} are told");
+    assert!(alarms * 100 <= judged, "{alarms} alarms of {judged}");
+    assert_eq!(wrong, 0, "mirrors that are there");
+}
+
+fn without(mesh: &Mesh, part: PartClass) -> Mesh {
+    let keep = |i: &usize| mesh.parts[*i] != part;
+    let kept: Vec<usize> = (0..mesh.faces.len()).filter(keep).collect();
+    Mesh {
+        vertices: mesh.vertices.clone(),
+        faces: kept.iter().map(|i| mesh.faces[*i]).collect(),
+        parts: kept.iter().map(|i| mesh.parts[*i]).collect(),
+    }
+}
+
+#[test]
 fn an_open_door_is_elsewhere() {
     let zoo = ModelZoo::embedded();
     let label = label(&zoo, 9.0, 1.2);

@@ -9,7 +9,7 @@ mod street;
 use std::path::{Path, PathBuf};
 
 use partpose::dataset::Frame;
-use partpose::detection::Detection;
+use partpose::detection::{DetectedSize, Detection};
 use partpose::eval::{PoseScores, Scored, pose_deviation, score_table, summarize};
 use partpose::files;
 use partpose::formats::{
@@ -51,8 +51,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let options = PoseOptions { method: PnpMethod::Dense, ..Default::default() };
     let estimator = PoseEstimator::new(&zoo, &options);
     let (mut scored, mut accuracies): (Vec<Scored>, Vec<f64>) = Default::default();
-    let mut file =
-        DetectionFile { images: Vec::new(), detections: Vec::new(), extents: Some(Vec::new()) };
+    let mut file = DetectionFile { images: Vec::new(), detections: Vec::new() };
     let settings = ResultSettings {
         version: env!("CARGO_PKG_VERSION"),
         zoo: "embedded".to_owned(),
@@ -76,8 +75,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             let mask = one.detection.part_mask(frame.camera.size, options.scaling);
             accuracies
                 .push(mask.agreement(&oracle.vehicle_mask(one.vehicle, &one.detection.bounds)));
-            file.detections.push((index as usize, one.detection.clone()));
-            file.extents.get_or_insert_default().push(label.cuboid.extent);
+            let size = Some(DetectedSize::exact(label.cuboid.extent));
+            file.detections.push((index as usize, Detection { size, ..one.detection.clone() }));
         }
         write(&arguments.out, &name, &frame, (&zoo, &settings), &found)?;
         file.images.push(format!("{name}.png"));

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use partpose::detection::Detection;
+use partpose::detection::{DetectedSize, Detection};
 use partpose::files::{self, RgbImage};
 use partpose::formats::{ResultSettings, image_result};
 use partpose::geometry::{Camera, Extent};
@@ -21,9 +21,10 @@ pub(crate) struct FitFlags {
     /// Folder of the models; the embedded ones if not given
     #[arg(long, value_name = "DIR")]
     zoo: Option<PathBuf>,
-    /// Size of the vehicles, on which their distance depends: `file` takes the detections' own `extents`, else the
-    /// models'; `model` the models'; `free` starts with the models' and lets the dense fit stretch them; width,height,
-    /// length in metres is one size for all
+    /// Size of the vehicles, on which their distance depends: `file` takes the detections' own `extents`, as sizes that
+    /// are likely where they come with `extent_sigma`, else the models'; `model` the models'; `free` starts with the
+    /// models', and what detections say of it, and lets the dense fit stretch them; width,height,length in metres is
+    /// one size for all
     #[arg(long, value_name = "SIZE", default_value = "file", value_parser = parse_extent)]
     extent: FitExtent,
     /// Draw no pictures
@@ -73,11 +74,13 @@ pub(super) fn parse_extent(text: &str) -> Result<FitExtent, String> {
 
 impl FitExtent {
     /// Where the size of a detection comes from that may have one of its own.
-    pub(super) fn source(self, own: Option<Extent>) -> ExtentSource {
+    pub(super) fn source(self, own: Option<&DetectedSize>) -> ExtentSource {
         match (self, own) {
-            (Self::Given(extent), _) | (Self::File, Some(extent)) => ExtentSource::Given(extent),
-            (Self::Free, _) => ExtentSource::Free(SizePrior::around(None)),
-            (Self::File | Self::Model, _) => ExtentSource::Model,
+            (Self::Given(extent), _) => ExtentSource::Given(extent),
+            (Self::File, Some(size)) if size.is_exact() => ExtentSource::Given(size.extent),
+            // The fit adds what the detection says.
+            (Self::File, Some(_)) | (Self::Free, _) => ExtentSource::Free(SizePrior::around(None)),
+            (Self::File, None) | (Self::Model, _) => ExtentSource::Model,
         }
     }
 }
@@ -108,8 +111,7 @@ pub(crate) struct Fitting<'a> {
     pub(crate) camera: &'a Camera,
     /// To draw on; of the camera's size.
     pub(crate) image: Option<&'a RgbImage>,
-    /// Each with its size where it is known.
-    pub(crate) detections: Vec<(Detection, Option<Extent>)>,
+    pub(crate) detections: Vec<Detection>,
 }
 
 /// What became of detections.
@@ -176,11 +178,14 @@ impl Fitter {
         let Fitting { name, stem, camera, image, detections } = fitting;
         let given: Vec<SceneDetection> = detections
             .iter()
-            .map(|(detection, own)| SceneDetection { detection, extent: self.extent.source(*own) })
+            .map(|detection| {
+                let extent = self.extent.source(detection.size.as_ref());
+                SceneDetection { detection, extent }
+            })
             .collect();
         let found = estimate_scene(&self.estimator, &self.zoo, camera, &given, &self.scene);
         let mut estimated: Vec<(Detection, Result<PoseEstimate, NoPose>)> =
-            detections.into_iter().map(|(detection, _)| detection).zip(found.vehicles).collect();
+            detections.into_iter().zip(found.vehicles).collect();
         for (detection, estimate) in &mut estimated {
             if let Ok(estimate) = estimate {
                 self.estimator.observe(camera, detection, estimate);

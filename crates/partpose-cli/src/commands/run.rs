@@ -7,16 +7,17 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 use std::thread;
 
+use partpose::detection::Detection;
 use partpose::files::{self, RgbImage, read_photo};
 use partpose::formats::{DetectionFile, write_detections};
-use partpose::geometry::{Camera, Extent};
+use partpose::geometry::Camera;
 use partpose::labeling::Shard;
 
 use self::inputs::Input;
 use crate::camera::{Cameras, Origin};
 use crate::commands::detection_files::ENDING;
 use crate::commands::fitting::{Counts, FitFlags, Fitter, Fitting, parse_score};
-use crate::network::{Found, Network};
+use crate::network::Network;
 use crate::progress;
 use crate::report::{Outcome, note, warn};
 
@@ -78,14 +79,14 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 }
 
 /// The detector: an image to what it shows.
-type Detect<'a> = &'a mut dyn FnMut(&RgbImage) -> anyhow::Result<Vec<Found>>;
+type Detect<'a> = &'a mut dyn FnMut(&RgbImage) -> anyhow::Result<Vec<Detection>>;
 
 /// An image that the network has seen.
 struct Seen<'a> {
     input: &'a Input,
     camera: Camera,
     image: RgbImage,
-    found: Vec<Found>,
+    found: Vec<Detection>,
 }
 
 fn run_with(
@@ -181,19 +182,16 @@ fn look<'a>(
     let photo = read_photo(&input.path)?;
     let (camera, origin) = cameras.of(&input.path, &photo)?;
     let mut found = detect(&photo.image)?;
-    found.retain(|found| found.detection.score >= min_score);
+    found.retain(|found| found.score >= min_score);
     Ok((Seen { input, camera, image: photo.image, found }, origin))
 }
 
 /// Writes the detections, finds the poses and writes them.
 fn finish(arguments: &Arguments, fitter: &Fitter, seen: Seen) -> anyhow::Result<Counts> {
     let Seen { input, camera, image, found } = seen;
-    // Sizes are written where all have them; a file has them for all or for none.
-    let extents: Option<Vec<Extent>> = found.iter().map(|found| found.extent).collect();
     let file = DetectionFile {
         images: vec![input.name.clone()],
-        detections: found.iter().map(|found| (0, found.detection.clone())).collect(),
-        extents: extents.filter(|extents| !extents.is_empty()),
+        detections: found.iter().map(|found| (0, found.clone())).collect(),
     };
     write_detections(&detections_file(&arguments.out, &input.stem), &file)?;
     fitter.fit(Fitting {
@@ -201,7 +199,7 @@ fn finish(arguments: &Arguments, fitter: &Fitter, seen: Seen) -> anyhow::Result<
         stem: &input.stem,
         camera: &camera,
         image: Some(&image),
-        detections: found.into_iter().map(|found| (found.detection, found.extent)).collect(),
+        detections: found,
     })
 }
 

@@ -94,7 +94,7 @@ fn perfect(folder: &Path, zoo: &ModelZoo) -> Vec<(Frame, Vec<Detection>)> {
 
 /// All but one vehicle of the first frame, and something where nothing is.
 fn detections(folder: &Path, zoo: &ModelZoo) -> DetectionFile {
-    let mut file = DetectionFile { images: Vec::new(), detections: Vec::new(), extents: None };
+    let mut file = DetectionFile { images: Vec::new(), detections: Vec::new() };
     for (index, (frame, mut found)) in perfect(folder, zoo).into_iter().enumerate() {
         if index == 0 {
             found[1].bounds = Rect::new(10.0, 10.0, 90.0, 60.0);

@@ -87,8 +87,8 @@ pub enum ExtentSource {
     Given(Extent),
     /// Every model is scaled by one factor to the volume of this extent, and keeps its shape.
     GivenUniform(Extent),
-    /// Every model starts with the likely size and is stretched by what the mask says; only the dense fit can, the
-    /// others take it as [`Self::Model`].
+    /// Every model starts with the likely size, to which [`Detection::size`] adds what was seen, and is stretched by what
+    /// the mask says. Only the dense fit can; the others take the size that was seen, else the model's own.
     Free(SizePrior),
 }
 
@@ -281,6 +281,11 @@ impl PoseEstimator {
         if let Some(dense) = &self.dense {
             return self.dense_estimate(dense.fit(camera, detection, extent, priors)?);
         }
+        // Points cannot stretch a model: what is seen of the size is taken as it is.
+        let extent = &match (extent, &detection.size) {
+            (ExtentSource::Free(_), Some(seen)) => ExtentSource::Given(seen.extent),
+            (extent, _) => *extent,
+        };
         let mask = detection.part_mask(camera.size, self.options.scaling);
         let mut parts = part_evidence(&mask, self.options.center_2d);
         let seen = parts.len();

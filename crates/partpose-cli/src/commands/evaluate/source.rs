@@ -165,8 +165,7 @@ impl Source {
 
 fn of_network(network: &Network, frame: &Frame) -> anyhow::Result<Vec<Detection>> {
     let path = frame.image.as_ref().context("the frame has no image")?;
-    let found = network.detect(&files::read_rgb(path)?)?;
-    Ok(found.into_iter().map(|found| found.detection).collect())
+    network.detect(&files::read_rgb(path)?)
 }
 
 fn of_oracle(frame: &Frame, oracle: &Oracle, options: &OracleOptions) -> Vec<Detection> {
