@@ -8,9 +8,9 @@
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use partpose::detection::{DetectedSize, Detection};
+use partpose::detection::Detection;
 use partpose::files::{self, RgbImage};
-use partpose_net::detector::{Detector, VehicleDetection};
+use partpose_net::detector::Detector;
 use partpose_net::weights;
 
 use crate::report::hint;
@@ -71,12 +71,7 @@ impl Network {
 
     /// The vehicles of an image, best first.
     pub(crate) fn detect(&self, image: &RgbImage) -> anyhow::Result<Vec<Detection>> {
-        let found = self.detector.detect(image)?;
-        let detection = |found: VehicleDetection| {
-            let size = found.extent.map(DetectedSize::exact);
-            Detection { size, ..found.detection }
-        };
-        Ok(found.into_iter().map(detection).collect())
+        Ok(self.detector.detect(image)?)
     }
 }
 
