@@ -61,7 +61,8 @@ impl VehicleHead {
 
     /// `hidden`: `[regions, channels, cells, cells]` of the part head, with the regions' boxes; to `[regions, models]` and `[regions, 6]`.
     fn forward(&self, hidden: Tensor<4>, boxes: &[Corners]) -> [Option<Tensor<2>>; 2] {
-        let proportion = |[x0, y0, x1, y1]: &Corners| ((x1 - x0).max(1.0) / (y1 - y0).max(1.0)).ln();
+        let proportion =
+            |[x0, y0, x1, y1]: &Corners| ((x1 - x0).max(1.0) / (y1 - y0).max(1.0)).ln();
         let values: Vec<f32> = boxes.iter().map(proportion).collect();
         let data = TensorData::new(values, [boxes.len(), 1]);
         let proportions = Tensor::from_data(data, &hidden.device());
@@ -180,7 +181,8 @@ mod tests {
         let step = 1e-3;
         for (error, deviation) in [(0.02, -0.5), (0.3, 0.7), (-0.05, -1.5)] {
             let by_deviation = |d: f32| side_loss(error, d).0;
-            let slope = (by_deviation(deviation + step) - by_deviation(deviation - step)) / (2.0 * step);
+            let slope =
+                (by_deviation(deviation + step) - by_deviation(deviation - step)) / (2.0 * step);
             let found = side_loss(error, deviation).1[1];
             assert!((slope - found).abs() < 1e-2 * found.abs().max(1.0), "{slope} {found}");
         }
