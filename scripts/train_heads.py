@@ -196,7 +196,7 @@ def read_features(folder, roots, wanted, names):
 class VehicleHead(nn.Module):
     """As crates/partpose-net/src/vehicle_head.rs; `drop` in training only."""
 
-    def __init__(self, models, inputs=128, channels=64, width=160, drop=0.4):
+    def __init__(self, models, inputs=128, channels=64, width=160, drop=0.3):
         super().__init__()
         self.conv, self.fc = nn.Conv2d(inputs, channels, 3, 2, 1), nn.Linear(49 * channels + 1, width)
         self.model, self.extent, self.drop = nn.Linear(width, models), nn.Linear(width, 6), drop
@@ -267,7 +267,7 @@ def train_vehicle_head(net, args, models, rng):
     def loss_of():
         x, proportion, model, size = of(data, rng.integers(len(data["model"]), size=args.batch))
         logits, extents = head(x, proportion)
-        return F.cross_entropy(logits, model, label_smoothing=0.05) + 0.3 * extent_loss(extents, size)
+        return F.cross_entropy(logits, model, label_smoothing=0.02) + 0.3 * extent_loss(extents, size)
 
     def told():
         head.eval()

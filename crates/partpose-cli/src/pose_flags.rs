@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use partpose::parts::Scaling;
 use partpose::pose::dense::DenseOptions;
-use partpose::pose::{Center2d, Center3d, DEFAULT_SMALL_PART, PartFilters, PnpMethod, PoseOptions};
+use partpose::pose::{Center2d, Center3d, DEFAULT_SMALL_PART, PartFilters, PnpMethod, PoseOptions, Ranking};
 
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct PoseFlags {
@@ -14,6 +14,10 @@ pub(crate) struct PoseFlags {
     /// have no say; or with a solver for the centres of parts, the paper's being `epnp`
     #[arg(long, value_enum, default_value = "dense")]
     fit: FitFlag,
+    /// What models are compared by when poses come from the centres of parts: the paper's reprojection error alone, or also
+    /// what the network says of models and how far a size that is given lies from theirs
+    #[arg(long, value_enum, default_value = "error")]
+    rank: RankFlag,
     /// Refine with Levenberg-Marquardt, robust and weighted by each part's spread
     #[arg(long)]
     refine: bool,
@@ -54,6 +58,12 @@ enum FitFlag {
     Sqpnp,
     Ransac,
     Dense,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum RankFlag {
+    Error,
+    Evidence,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -130,6 +140,10 @@ impl PoseFlags {
                 FitFlag::Sqpnp => PnpMethod::Sqpnp,
                 FitFlag::Ransac => PnpMethod::Ransac,
                 FitFlag::Dense => PnpMethod::Dense,
+            },
+            ranking: match self.rank {
+                RankFlag::Error => Ranking::Error,
+                RankFlag::Evidence => Ranking::Evidence,
             },
             refine: self.refine,
             seed: self.seed,

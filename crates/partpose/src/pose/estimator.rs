@@ -11,6 +11,7 @@ use crate::vehicle::{Mesh, ModelZoo};
 
 use super::dense::{DenseFit, DenseOptions, DensePriors, DenseReport, DenseZoo, SizePrior};
 use super::fit::{self, Fit, Problem};
+use super::ranking::Ranking;
 use super::observed::{self, PartState, Placed};
 use super::visible::{self, View, Viewpoint};
 use super::{Center2d, Center3d, PartFilters, model_centers, part_evidence};
@@ -55,6 +56,8 @@ pub struct PoseOptions {
     pub filters: PartFilters,
     /// Solver.
     pub method: PnpMethod,
+    /// What models are compared by; the dense fit always weighs all evidence.
+    pub ranking: Ranking,
     /// Whether Levenberg-Marquardt with a robust loss and each part's own covariance follows.
     pub refine: bool,
     /// Seed of whatever is random (only RANSAC with many points is).
@@ -71,6 +74,7 @@ impl Default for PoseOptions {
             center_3d: Center3d::Cuboid,
             filters: PartFilters::ALL,
             method: PnpMethod::Epnp,
+            ranking: Ranking::Error,
             refine: false,
             seed: 0,
             dense: DenseOptions::default(),
@@ -300,7 +304,7 @@ impl PoseEstimator {
             .iter()
             .map(|model| self.fit(model, &problem, extent.scale(&model.extent), &mut renderer))
             .collect();
-        self.choose(fits, camera, extent)
+        self.choose(fits, &problem, extent)
     }
 
     /// What the detection's mask shows of each part, against the estimate's model at its pose; kept in
@@ -316,15 +320,20 @@ impl PoseEstimator {
         estimate.parts = observed::part_states(camera, detection, &placed);
     }
 
-    /// The model with the lowest error; of equals the first.
+    /// The model that least speaks against; of equals the first.
     fn choose(
         &self,
         fits: Vec<Result<Fit, NoPose>>,
-        camera: &Camera,
+        problem: &Problem,
         extent: &ExtentSource,
     ) -> Result<PoseEstimate, NoPose> {
-        let error = |fit: &Result<Fit, NoPose>| fit.as_ref().map_or(f64::INFINITY, |fit| fit.error);
-        let best = (0..fits.len()).min_by(|a, b| error(&fits[*a]).total_cmp(&error(&fits[*b])));
+        let camera = problem.camera;
+        let against = |index: &usize| {
+            let error = fits[*index].as_ref().map_or(f64::INFINITY, |fit| fit.error);
+            let model = (self.models[*index].name.as_str(), &self.models[*index].extent);
+            self.options.ranking.against(error, model, problem.detection, extent)
+        };
+        let best = (0..fits.len()).min_by(|a, b| against(a).total_cmp(&against(b)));
         let best = best.ok_or(NoPose::NoModel)?;
         let candidates = self.models.iter().zip(&fits).map(|(model, fit)| Candidate {
             model: model.name.clone(),

@@ -88,11 +88,11 @@ pub(crate) struct Arguments {
     scene: scene::Flags,
     /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration; with `--fit epnp`,
     /// the paper's solver, unless another one of centres is asked for
-    #[arg(long, conflicts_with_all = ["kernel", "scaling", "refine", "points_2d", "points_3d", "filters"])]
+    #[arg(long, conflicts_with_all = ["kernel", "scaling", "rank", "refine", "points_2d", "points_3d", "filters"])]
     tables: bool,
     /// The dense fit beside the paper's method and the best setting of points: every row of the tables, by distance,
     /// occlusion, truncation, mask accuracy, where sizes come from, and time, as tables and plots
-    #[arg(long, conflicts_with_all = ["tables", "degrade", "extent", "kernel", "scaling", "refine", "points_2d", "points_3d", "filters", "fit"], requires = "oracle")]
+    #[arg(long, conflicts_with_all = ["tables", "degrade", "extent", "kernel", "scaling", "rank", "refine", "points_2d", "points_3d", "filters", "fit"], requires = "oracle")]
     compare: bool,
     #[arg(skip)]
     comparison: Option<compare::Rows>,
