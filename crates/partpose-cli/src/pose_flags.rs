@@ -3,7 +3,9 @@
 use clap::ValueEnum;
 use partpose::parts::Scaling;
 use partpose::pose::dense::DenseOptions;
-use partpose::pose::{Center2d, Center3d, DEFAULT_SMALL_PART, PartFilters, PnpMethod, PoseOptions, Ranking};
+use partpose::pose::{
+    Center2d, Center3d, DEFAULT_SMALL_PART, PartFilters, PnpMethod, PoseOptions, Ranking,
+};
 
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct PoseFlags {

@@ -40,7 +40,8 @@ impl Detector {
         let kernel = config.parts.kernel;
         let in_image = |mut raw: RawDetection| {
             let models = raw.models.take();
-            let models = models.map(|values| ModelProbabilities { names: self.models.clone(), values });
+            let models =
+                models.map(|values| ModelProbabilities { names: self.models.clone(), values });
             Ok(Detection { models, ..in_image(raw, &input, image.size, kernel)? })
         };
         found.into_iter().map(in_image).collect()

@@ -11,8 +11,8 @@ use crate::vehicle::{Mesh, ModelZoo};
 
 use super::dense::{DenseFit, DenseOptions, DensePriors, DenseReport, DenseZoo, SizePrior};
 use super::fit::{self, Fit, Problem};
-use super::ranking::Ranking;
 use super::observed::{self, PartState, Placed};
+use super::ranking::Ranking;
 use super::visible::{self, View, Viewpoint};
 use super::{Center2d, Center3d, PartFilters, model_centers, part_evidence};
 

@@ -27,7 +27,7 @@ pub enum Ranking {
 /// What the logarithm of the error counts against the others. Residuals of independent points with an unknown spread
 /// would count once each coordinate, some 16 times; those of a model's centres err together. Chosen on frames that the
 /// network did not learn from.
-const ERROR_WEIGHT: f64 = 3.0;
+const ERROR_WEIGHT: f64 = 2.0;
 /// Errors below this are as good as it, pixels: with few points some model fits by chance.
 const LEAST_ERROR: f64 = 0.3;
 /// Probability below which a detector does not rule a model out further.
