@@ -39,8 +39,8 @@ pub struct PartHead {
     pub conv5_mask: Option<Doubling>,
     /// The output layer.
     pub mask_fcn_logits: Conv,
-    kernel: usize,
-    upscale_first: bool,
+    pub(crate) kernel: usize,
+    pub(crate) upscale_first: bool,
 }
 
 /// A transposed convolution of 2 x 2 with stride 2.

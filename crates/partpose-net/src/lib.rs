@@ -16,6 +16,7 @@ pub mod layers;
 pub mod loader;
 pub mod loss;
 pub mod mask_rcnn;
+pub mod onnx;
 pub mod ops;
 pub mod optimizer;
 pub mod resnet;

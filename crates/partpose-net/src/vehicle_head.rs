@@ -25,7 +25,7 @@ pub const TYPICAL_DEVIATION: f32 = 0.08;
 /// Factor between an error of a logarithm and its loss: ten per cent cost about as much as a wrong class of a tenth.
 const EXTENT_SCALE: f32 = 10.0;
 /// Largest logarithm of what an extent, and its deviation, is of the typical one.
-const MOST: f32 = 2.0;
+pub(crate) const MOST: f32 = 2.0;
 
 /// A convolution, a hidden layer, and the outputs that are asked for.
 #[derive(Module, Debug)]

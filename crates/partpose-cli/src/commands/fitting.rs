@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use partpose::detection::{DetectedSize, Detection};
 use partpose::files::{self, RgbImage};
 use partpose::formats::{ResultSettings, image_result};
-use partpose::geometry::{Camera, Extent};
+use partpose::geometry::{Camera, Cuboid, Extent};
 use partpose::pose::dense::SizePrior;
 use partpose::pose::scene::{SceneDetection, SceneOptions, estimate_scene};
 use partpose::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator};
@@ -37,6 +37,18 @@ pub(crate) struct FitFlags {
     scene: SceneFlags,
     #[command(flatten)]
     pose: PoseFlags,
+}
+
+impl Default for FitFlags {
+    /// What the flags say when none is given.
+    fn default() -> Self {
+        #[derive(clap::Parser)]
+        struct Alone {
+            #[command(flatten)]
+            flags: FitFlags,
+        }
+        <Alone as clap::Parser>::parse_from(["fit"]).flags
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -114,6 +126,21 @@ pub(crate) struct Fitting<'a> {
     pub(crate) detections: Vec<Detection>,
 }
 
+/// A detection with its pose, or why it has none.
+pub(crate) type Estimated = (Detection, Result<PoseEstimate, NoPose>);
+
+/// An image whose results are written.
+pub(crate) struct Shown<'a> {
+    pub(crate) name: &'a str,
+    /// Name of the files that are written, without their endings.
+    pub(crate) stem: &'a str,
+    pub(crate) camera: &'a Camera,
+    /// To draw on; of the camera's size.
+    pub(crate) image: Option<&'a RgbImage>,
+    /// What is true of each vehicle, where that is known, to be drawn.
+    pub(crate) truth: &'a dyn Fn(usize) -> Option<Cuboid>,
+}
+
 /// What became of detections.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Counts {
@@ -176,6 +203,12 @@ impl Fitter {
     /// Finds the poses of an image and writes JSON, KITTI text and picture.
     pub(crate) fn fit(&self, fitting: Fitting) -> anyhow::Result<Counts> {
         let Fitting { name, stem, camera, image, detections } = fitting;
+        let estimated = self.estimate(camera, detections);
+        self.write(&Shown { name, stem, camera, image, truth: &|_| None }, &estimated)
+    }
+
+    /// Finds the poses of an image.
+    pub(crate) fn estimate(&self, camera: &Camera, detections: Vec<Detection>) -> Vec<Estimated> {
         let given: Vec<SceneDetection> = detections
             .iter()
             .map(|detection| {
@@ -184,29 +217,35 @@ impl Fitter {
             })
             .collect();
         let found = estimate_scene(&self.estimator, &self.zoo, camera, &given, &self.scene);
-        let mut estimated: Vec<(Detection, Result<PoseEstimate, NoPose>)> =
-            detections.into_iter().zip(found.vehicles).collect();
+        let mut estimated: Vec<Estimated> = detections.into_iter().zip(found.vehicles).collect();
         for (detection, estimate) in &mut estimated {
             if let Ok(estimate) = estimate {
                 self.estimator.observe(camera, detection, estimate);
             }
         }
+        estimated
+    }
+
+    /// Writes JSON, KITTI text and picture of an image.
+    pub(crate) fn write(&self, shown: &Shown, estimated: &[Estimated]) -> anyhow::Result<Counts> {
+        let Shown { name, stem, camera, image, truth } = shown;
         let posed = estimated.iter().filter(|(_, estimate)| estimate.is_ok()).count();
-        let result = image_result(name, camera, &self.settings, &estimated);
+        let result = image_result(name, camera, &self.settings, estimated);
         let written: Vec<_> = estimated.iter().map(|(d, e)| (d, e.as_ref().ok())).collect();
         result_files::write_results(&self.out, stem, &result, &written, &self.zoo)?;
         if self.pictures {
             let pictured: Vec<Pictured> = estimated
                 .iter()
-                .map(|(detection, estimate)| Pictured {
+                .enumerate()
+                .map(|(i, (detection, estimate))| Pictured {
                     detection,
                     estimate: estimate.as_ref().ok(),
                     zoo: &self.zoo,
-                    truth: None,
+                    truth: truth(i),
                 })
                 .collect();
             let drawn = (pictured.as_slice(), self.estimator.options().scaling);
-            let picture = result_files::picture(stem, camera, image, drawn);
+            let picture = result_files::picture(stem, camera, *image, drawn);
             files::write_png(&self.out.join(format!("{stem}.png")), &picture)?;
         }
         Ok(Counts { posed, without: estimated.len() - posed, skipped: 0 })

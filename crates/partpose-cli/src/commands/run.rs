@@ -17,7 +17,7 @@ use self::inputs::Input;
 use crate::camera::{Cameras, Origin};
 use crate::commands::detection_files::ENDING;
 use crate::commands::fitting::{Counts, FitFlags, Fitter, Fitting, parse_score};
-use crate::network::Network;
+use crate::network::{EngineFlags, Network};
 use crate::progress;
 use crate::report::{Outcome, note, warn};
 
@@ -33,7 +33,9 @@ Examples:
       the focal length is taken from the photo's EXIF, or guessed
   partpose run training/image_2 --camera . --out out
       a KITTI or Virtual KITTI folder knows the camera of each of its images
-  partpose run 'frames/*.png' --camera camera.toml --shard 1/2 --resume --out out")]
+  partpose run 'frames/*.png' --camera camera.toml --shard 1/2 --resume --out out
+  partpose run frames --camera camera.toml --onnx-model mine.onnx --mapping mine.toml --out out
+      a detector of your own (docs/guide/5-detector.md)")]
 pub(crate) struct Arguments {
     /// Images (PNG, JPEG), folders of them, or patterns such as 'frames/*.png'
     #[arg(required = true, value_name = "IMAGE|DIR|GLOB")]
@@ -48,6 +50,8 @@ pub(crate) struct Arguments {
     /// Weights of the network; those that come with the program if not given
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
+    #[command(flatten)]
+    engine: EngineFlags,
     /// Leave out detections with a lower score
     #[arg(long, value_name = "SCORE", default_value_t = 0.5, value_parser = parse_score)]
     min_score: f64,
@@ -74,7 +78,7 @@ fn parse_angle(text: &str) -> Result<f64, String> {
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     // What was typed is checked before the network is made ready.
     let inputs = inputs::collect(&arguments.images, arguments.shard)?;
-    let network = Network::load(arguments.weights.as_deref())?;
+    let network = Network::load(arguments.weights.as_deref(), &arguments.engine)?;
     run_with(arguments, &inputs, &network.identity, &mut |image| network.detect(image))
 }
 
