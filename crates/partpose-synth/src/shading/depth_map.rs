@@ -70,13 +70,13 @@ impl DepthMap {
                 for (lane, new) in new.iter_mut().enumerate() {
                     *new = height + plane.slope[0] * lane as f32;
                 }
-                if !row.iter().zip(&new).fold(false, |any, (old, new)| any | (new > old)) {
+                if !row.iter().zip(&new).fold(false, |any, (old, new)| any || new > old) {
                     continue;
                 }
                 let place = [0, 1].map(|i| first[i] + change[i] * k);
                 for (lane, (old, new)) in row.iter_mut().zip(new).enumerate() {
                     let there = is_there([0, 1].map(|i| place[i] + change[i] * lane as f32));
-                    *old = if there & (new > *old) { new } else { *old };
+                    *old = if there && new > *old { new } else { *old };
                 }
             }
         });

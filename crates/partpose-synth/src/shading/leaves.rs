@@ -28,21 +28,21 @@ static TABLE: LazyLock<Vec<Texel>> = LazyLock::new(table);
 
 /// Where leaves are at one cover, a bit a texel: small enough to stay in a core's nearest cache.
 #[derive(Debug)]
-pub(super) struct Mask([u64; SIDE * SIDE / 64]);
+pub(super) struct Mask(Vec<u64>);
 
 /// Masks by the rank below which leaves are there, each made when it is first asked for.
-static MASKS: [OnceLock<Box<Mask>>; 257] = [const { OnceLock::new() }; 257];
+static MASKS: [OnceLock<Mask>; 257] = [const { OnceLock::new() }; 257];
 
 impl Mask {
     /// The mask of a cover, the share that is there.
     pub(super) fn of(cover: f32) -> &'static Self {
         let below = (255.0 * cover).ceil().clamp(0.0, 256.0) as usize;
         MASKS[below].get_or_init(|| {
-            let mut words = [0_u64; SIDE * SIDE / 64];
+            let mut words = vec![0_u64; SIDE * SIDE / 64];
             for (i, texel) in TABLE.iter().enumerate() {
                 words[i / 64] |= u64::from(usize::from(texel.rank) < below) << (i % 64);
             }
-            Box::new(Self(words))
+            Self(words)
         })
     }
 

@@ -363,7 +363,7 @@ impl Span {
                 *value = self.limited(start + self.slope * lane as f32);
             }
             let nearer = depths.iter().zip(&values);
-            if !nearer.fold(false, |any, (depth, value)| any | (value > depth)) {
+            if !nearer.fold(false, |any, (depth, value)| any || value > depth) {
                 continue;
             }
             let mut places = [[0.0_f32; LANES]; 2];
@@ -375,7 +375,7 @@ impl Span {
             }
             for (lane, (depth, old)) in depths.iter_mut().zip(ids).enumerate() {
                 let is_leaf = holes.mask.is_leaf([places[0][lane], places[1][lane]]);
-                let is_seen = is_leaf & (values[lane] > *depth);
+                let is_seen = is_leaf && values[lane] > *depth;
                 *depth = if is_seen { values[lane] } else { *depth };
                 *old = if is_seen { id } else { *old };
             }
