@@ -12,10 +12,13 @@ same command again after a crash of the whole: chunks that are there are kept. d
 
 import argparse
 import functools
+import io
 import os
 from pathlib import Path
 
 import daft
+import numpy as np
+import PIL.Image
 import pyarrow.parquet
 from daft import DataType, col
 
@@ -65,11 +68,13 @@ class Estimator(Worker):
         self.estimator = partpose.PoseEstimator(partpose.ModelZoo.load(zoo) if zoo else None)
 
     @daft.method(return_dtype=DataType.list(VEHICLE))
-    def estimate(self, image, focal, center):
-        return self.vehicles(image, focal, center)
+    def estimate(self, picture, focal, center):
+        return self.vehicles(picture, focal, center)
 
-    def vehicles(self, image, focal, center):
-        if image is None:
+    def vehicles(self, picture, focal, center):
+        try:
+            image = np.asarray(PIL.Image.open(io.BytesIO(picture or b"")).convert("RGB"))
+        except OSError:
             return None
         height, width = image.shape[:2]
         camera = self.partpose.Camera(focal, center, (width, height))
@@ -209,11 +214,11 @@ def estimate(rows, out: Path, workers=2, threads=1, chunk=256, zoo=None, worker=
     rows = [{key: row[key] for key in ("name", "path", "focal", "center")} for row in rows]
 
     def query(frames):
-        # An image that cannot be read costs its own row, never the chunk's.
-        image = col("path").download(on_error="null").decode_image(on_error="null", mode="RGB")
-        frames = spread(frames, workers).with_column("image", image)
-        frames = frames.with_column("vehicles", found.estimate(col("image"), col("focal"), col("center")))
-        return frames.exclude("image")
+        # An image that cannot be read costs its own row, never the chunk's. The workers decode: what is given images of
+        # Daft's own type, its native runner keeps in the driver's process.
+        frames = spread(frames, workers).with_column("picture", col("path").download(on_error="null"))
+        frames = frames.with_column("vehicles", found.estimate(col("picture"), col("focal"), col("center")))
+        return frames.exclude("picture")
 
     in_chunks(rows, query, out, chunk)
 
@@ -258,7 +263,7 @@ def spread(frames, workers):
     """Enough pieces for all workers: Ray deals out partitions, the native runner batches."""
     if daft.get_or_create_runner().name == "ray":
         return frames.into_partitions(4 * workers)
-    return frames.into_batches(4)
+    return frames.into_batches(1)
 
 
 def main():

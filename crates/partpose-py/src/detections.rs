@@ -81,7 +81,9 @@ pub(crate) fn read(
                 "`scores`: that of detection {index} is {score}, but 0 to 1 is needed"
             )));
         }
-        let values: Vec<f32> = view.index_axis(Axis(0), index).iter().copied().collect();
+        let kernel = view.index_axis(Axis(0), index);
+        let slices = || kernel.iter().copied().collect();
+        let values: Vec<f32> = kernel.as_slice().map_or_else(slices, <[f32]>::to_vec);
         check_sums(index, &values, m)?;
         let probabilities = PartProbabilities::new(m, values).map_err(|error| {
             let said = format!("`part_probabilities`: detection {index}: {error}");
@@ -94,8 +96,14 @@ pub(crate) fn read(
 
 /// Sigmoids and logits look like probabilities one by one; their sums tell.
 fn check_sums(index: usize, values: &[f32], m: usize) -> PyResult<()> {
-    let sum: f32 = values.iter().sum();
-    let mean = sum / (m * m) as f32;
+    // Sums that do not wait for each other.
+    let mut sums = [0.0f32; 16];
+    for chunk in values.chunks(sums.len()) {
+        for (sum, value) in sums.iter_mut().zip(chunk) {
+            *sum += value;
+        }
+    }
+    let mean = sums.iter().sum::<f32>() / (m * m) as f32;
     // Values that are no numbers are named one by one.
     if mean.is_nan() || (mean - 1.0).abs() <= SUM_TOLERANCE {
         return Ok(());
