@@ -14,6 +14,7 @@ import argparse
 import functools
 import io
 import os
+import time
 from pathlib import Path
 
 import daft
@@ -285,14 +286,18 @@ def main():
     else:
         daft.set_runner_native()
     shared = {"workers": given.workers, "threads": given.threads}
+    frames = frames_of(given.dataset, given.stride)
+    start = time.perf_counter()
     if given.job == "label":
         label(given.dataset, given.out, zoo=given.zoo, **shared)
     elif given.job == "estimate":
-        estimate(frames_of(given.dataset, given.stride), given.out, chunk=given.chunk, zoo=given.zoo, **shared)
+        estimate(frames, given.out, chunk=given.chunk, zoo=given.zoo, **shared)
     else:
         if not given.estimates:
             parser.error("evaluate needs --estimates, the folder that estimate wrote")
-        print(evaluate(frames_of(given.dataset, given.stride), given.estimates, given.out, **shared))
+        print(evaluate(frames, given.estimates, given.out, **shared))
+    seconds = time.perf_counter() - start
+    print(f"{given.job}: {len(frames)} frames in {seconds:.1f} s, {len(frames) / seconds:.2f} frames/s")
 
 
 if __name__ == "__main__":
