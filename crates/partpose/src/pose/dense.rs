@@ -123,6 +123,7 @@ impl DenseZoo {
             found.extend(models::search(&mut work, &pyramid, &outline, &candidates, &WIDE));
             models::sort(&mut found);
         }
+        judgement::weigh_models(&mut found, &self.against(detection));
         let mut best = *found.first().ok_or(NoPose::NoStart)?;
         let mut hidden = 0.0;
         if self.options.find_occluders {
@@ -151,7 +152,7 @@ impl DenseZoo {
         priors: &DensePriors,
     ) -> Vec<Candidate<'a>> {
         let priors = priors.usable();
-        let candidate = |(model, against): (&'a DenseModel, f64)| {
+        let candidate = |model: &'a DenseModel| {
             let own = &model.extent;
             let size = match extent {
                 ExtentSource::Free(prior) => SizeTerm::new(prior, own, detection.size.as_ref()),
@@ -160,12 +161,12 @@ impl DenseZoo {
             let given = || own.to_vector().component_mul(&extent.scale(own)) * 0.5;
             let half = size.map_or_else(given, |size| size.half());
             let noise = uncertainty::NOISE;
-            Candidate { model, half, terms: Terms { priors, size, model: against, noise } }
+            Candidate { model, half, terms: Terms { priors, size, noise } }
         };
-        self.models.iter().zip(self.against(detection)).map(candidate).collect()
+        self.models.iter().map(candidate).collect()
     }
 
-    /// How much a detector speaks against each model, beside the one it thinks likeliest.
+    /// How much a detector speaks against each model, beside the one it thinks likeliest: differences of logarithms.
     fn against(&self, detection: &Detection) -> Vec<f64> {
         let weight = self.options.model_weight;
         let Some(models) = detection.models.as_ref().filter(|_| weight > 0.0) else {
