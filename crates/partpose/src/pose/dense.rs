@@ -122,8 +122,9 @@ impl DenseZoo {
             .ok_or(NoPose::TooLittleEvidence { found: foreground })?;
         let candidates = self.candidates(detection, extent, priors);
         let mut work = Workspace::default();
+        let against = self.against(detection);
         let Found { hypotheses, best, hidden } =
-            self.search(&mut work, &mut pyramid, &outline, &candidates)?;
+            self.search(&mut work, &mut pyramid, &outline, (&candidates, &against))?;
         let asked = Asked { camera, detection, extent, outline: &outline, hidden };
         let report = report(&mut work, &pyramid, &candidates, (&best, &hypotheses), &asked);
         let energies = (0..candidates.len()).map(|index| {
@@ -147,7 +148,7 @@ impl DenseZoo {
         work: &mut Workspace,
         pyramid: &mut Pyramid,
         outline: &Outline,
-        candidates: &[Candidate],
+        (candidates, against): (&[Candidate], &[f64]),
     ) -> Result<Found, NoPose> {
         let foreground = pyramid.targets[LEVELS.len() - 1].foreground();
         let mut order: Vec<usize> = (0..candidates.len()).collect();
@@ -159,6 +160,7 @@ impl DenseZoo {
             found.extend(models::search(work, pyramid, &outlines, (candidates, &order), &WIDE));
             models::sort(&mut found);
         }
+        judgement::weigh_models(&mut found, against);
         let best = *found.first().ok_or(NoPose::NoStart)?;
         if !self.options.find_occluders {
             return Ok(Found { hypotheses: found, best, hidden: 0.0 });
@@ -170,7 +172,12 @@ impl DenseZoo {
             let others = behind::search(work, pyramid, outline, (candidates, &order));
             if others.first().is_some_and(|other| other.energy() < fit.energy()) {
                 found = others.iter().map(|other| other.hypothesis).collect();
-                fit = others.into_iter().next().ok_or(NoPose::NoStart)?;
+                judgement::weigh_models(&mut found, against);
+                let likeliest = found.first().map(|best| best.model);
+                let mut others = others.into_iter();
+                fit = others
+                    .find(|other| Some(other.hypothesis.model) == likeliest)
+                    .ok_or(NoPose::NoStart)?;
             }
         }
         pyramid.targets[LEVELS.len() - 1] = fit.target;
@@ -184,7 +191,7 @@ impl DenseZoo {
         priors: &DensePriors,
     ) -> Vec<Candidate<'a>> {
         let priors = priors.usable();
-        let candidate = |(model, against): (&'a DenseModel, f64)| {
+        let candidate = |model: &'a DenseModel| {
             let own = &model.extent;
             let size = match extent {
                 ExtentSource::Free(prior) => SizeTerm::new(prior, own, detection.size.as_ref()),
@@ -193,12 +200,12 @@ impl DenseZoo {
             let given = || own.to_vector().component_mul(&extent.scale(own)) * 0.5;
             let half = size.map_or_else(given, |size| size.half());
             let noise = uncertainty::NOISE;
-            Candidate { model, half, terms: Terms { priors, size, model: against, noise } }
+            Candidate { model, half, terms: Terms { priors, size, noise } }
         };
-        self.models.iter().zip(self.against(detection)).map(candidate).collect()
+        self.models.iter().map(candidate).collect()
     }
 
-    /// How much a detector speaks against each model, beside the one it thinks likeliest.
+    /// How much a detector speaks against each model, beside the one it thinks likeliest: differences of logarithms.
     fn against(&self, detection: &Detection) -> Vec<f64> {
         let weight = self.options.model_weight;
         let Some(models) = detection.models.as_ref().filter(|_| weight > 0.0) else {

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::geometry::{Camera, Extent, Pose, Rect, Vector3, wrap_angle};
 
-use super::models::{Hypothesis, NEIGHBOURS};
+use super::models::{self, Hypothesis, LEVELS, NEIGHBOURS};
 use super::state::State;
 
 /// How much more energy, as a share of the best and in cells besides, makes a hypothesis e times less likely.
@@ -178,6 +178,19 @@ pub(super) fn model_probabilities(hypotheses: &[Hypothesis], count: usize) -> Ve
     }
     let sum: f64 = odds.iter().sum();
     odds.iter().map(|odds| odds / sum.max(1e-300)).collect()
+}
+
+/// Makes models less likely by what a detector says against them: `against` holds a logarithm of odds for each, in which
+/// energies are expressed by the same measure that makes probabilities of them. Sorts anew.
+pub(super) fn weigh_models(hypotheses: &mut [Hypothesis], against: &[f64]) {
+    let mut least = [f64::INFINITY; LEVELS.len()];
+    for h in hypotheses.iter() {
+        least[h.level] = least[h.level].min(h.scored.energy);
+    }
+    for h in hypotheses.iter_mut() {
+        h.scored.energy += against[h.model] * (TEMPER[0] * least[h.level] + TEMPER[1]);
+    }
+    models::sort(hypotheses);
 }
 
 /// The logarithm of a hypothesis' odds against the best of its level; never more than 0.

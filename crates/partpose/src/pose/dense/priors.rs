@@ -152,8 +152,6 @@ pub(super) struct Terms {
     pub(super) priors: DensePriors,
     /// `None` where the size is fixed.
     pub(super) size: Option<SizeTerm>,
-    /// How much less likely the model is than the likeliest beforehand: a difference of logarithms, at least 0.
-    pub(super) model: f64,
     /// Variance of the data: priors count `noise` times as much against it.
     pub(super) noise: f64,
 }
@@ -175,7 +173,7 @@ impl Terms {
         self.priors.gravity.map_or(Vector3::y(), |prior| prior.down_in_camera)
     }
 
-    /// Half the sum of squares and what speaks against the model, in units of the data term.
+    /// Half the sum of squares, in units of the data term.
     pub(super) fn energy(&self, state: &State) -> f64 {
         let squares: f64 = self.upright(state).iter().map(|t| t.residual * t.residual).sum();
         let ground = self.ground(state).map_or(0.0, |t| t.residual * t.residual);
@@ -183,7 +181,7 @@ impl Terms {
             let away = state.half.map(f64::ln) - size.mean;
             away.dot(&(size.information * away)) + size.conflict
         });
-        self.noise * (0.5 * (squares + ground + SIZE_WEIGHT * size) + self.model)
+        0.5 * self.noise * (squares + ground + SIZE_WEIGHT * size)
     }
 
     /// The largest difference of a side from the likely size, in standard deviations; 0 where the size is fixed.
