@@ -16,6 +16,7 @@ pub(crate) mod report;
 pub(crate) mod result_files;
 pub(crate) mod run;
 pub(crate) mod synth;
+pub(crate) mod tracking;
 pub(crate) mod train;
 pub(crate) mod view;
 pub(crate) mod weights;

@@ -149,6 +149,7 @@ fn truth(name: &str, frame: &Frame) -> PosedImage {
         cuboid: label.cuboid,
         confidence: None,
         reprojection_rmse: None,
+        track: None,
     });
     PosedImage { image: format!("{name}.png"), camera: frame.camera, vehicles: vehicles.collect() }
 }

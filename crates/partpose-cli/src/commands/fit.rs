@@ -12,6 +12,7 @@ use crate::camera::load_camera;
 use crate::commands::detection_files;
 use crate::commands::fitting::{Counts, FitFlags, Fitter, Fitting};
 use crate::commands::result_files;
+use crate::commands::tracking::{self, TrackFlags};
 use crate::progress;
 use crate::report::{Outcome, note, warn};
 
@@ -36,6 +37,8 @@ pub(crate) struct Arguments {
     images: Option<PathBuf>,
     #[command(flatten)]
     fit: FitFlags,
+    #[command(flatten)]
+    track: TrackFlags,
     /// Folder for results: one JSON, one KITTI text and one picture an image
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -54,6 +57,12 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let camera = load_camera(&arguments.camera)?;
     let by_image = by_image(file, arguments.min_score)?;
     files::create_folder(&arguments.out)?;
+    let frame = |image: &ImageDetections| tracking::Frame {
+        name: image.name.clone(),
+        stem: image.stem.clone(),
+        world_from_camera: None,
+    };
+    let frames: Vec<tracking::Frame> = by_image.iter().map(frame).collect();
     let bar = progress::bar("images", by_image.len() as u64);
     let done: Vec<anyhow::Result<Counts>> = by_image
         .into_par_iter()
@@ -68,6 +77,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     for counts in done {
         total.add(&counts?);
     }
+    tracking::track(&arguments.out, &frames, &arguments.track, fitter.zoo())?;
     let reasons = if total.without == 0 { "" } else { " (the results say why)" };
     note(format_args!(
         "found {} poses, {} detections have none{reasons}; wrote `{}`",

@@ -16,6 +16,7 @@ use self::inputs::Input;
 use crate::camera::{Cameras, Origin};
 use crate::commands::detection_files::ENDING;
 use crate::commands::fitting::{Counts, FitFlags, Fitter, Fitting, parse_score};
+use crate::commands::tracking::{self, TrackFlags};
 use crate::network::{Found, Network};
 use crate::progress;
 use crate::report::{Outcome, note, warn};
@@ -32,7 +33,9 @@ Examples:
       the focal length is taken from the photo's EXIF, or guessed
   partpose run training/image_2 --camera . --out out
       a KITTI or Virtual KITTI folder knows the camera of each of its images
-  partpose run 'frames/*.png' --camera camera.toml --shard 1/2 --resume --out out")]
+  partpose run 'frames/*.png' --camera camera.toml --shard 1/2 --resume --out out
+  partpose run frames --camera camera.toml --track --fps 25 --out out
+      the images are a sequence: vehicles keep their numbers, poses are smoothed")]
 pub(crate) struct Arguments {
     /// Images (PNG, JPEG), folders of them, or patterns such as 'frames/*.png'
     #[arg(required = true, value_name = "IMAGE|DIR|GLOB")]
@@ -52,11 +55,13 @@ pub(crate) struct Arguments {
     min_score: f64,
     #[command(flatten)]
     fit: FitFlags,
+    #[command(flatten)]
+    track: TrackFlags,
     /// Keep what an earlier run with the same settings has written, and do the rest
     #[arg(long)]
     resume: bool,
     /// Do part I of N of the images; all parts may write to the same folder
-    #[arg(long, value_name = "I/N")]
+    #[arg(long, value_name = "I/N", conflicts_with = "track")]
     shard: Option<Shard>,
     /// Folder for results: JSON, KITTI text and a picture an image, and the detections in `detections/`
     #[arg(long, value_name = "DIR")]
@@ -142,11 +147,28 @@ fn run_with(
     bar.finish_and_clear();
     let counts = counts?;
     tell_guesses(arguments, guesses);
+    follow(arguments, inputs, &cameras, &fitter)?;
     if open.len() == unreadable && done.is_empty() {
         anyhow::bail!("none of the {unreadable} images could be done");
     }
     tell(arguments, &counts, [open.len() - unreadable, done.len(), unreadable]);
     Ok(if unreadable + counts.skipped == 0 { Outcome::Done } else { Outcome::Skipped })
+}
+
+/// Follows vehicles from image to image, if that is asked for.
+fn follow(
+    arguments: &Arguments,
+    inputs: &[Input],
+    cameras: &Cameras,
+    fitter: &Fitter,
+) -> anyhow::Result<()> {
+    let frame = |input: &'_ Input| tracking::Frame {
+        name: input.name.clone(),
+        stem: input.stem.clone(),
+        world_from_camera: cameras.world_from_camera(&input.path),
+    };
+    let frames: Vec<tracking::Frame> = inputs.iter().map(frame).collect();
+    tracking::track(&arguments.out, &frames, &arguments.track, fitter.zoo())
 }
 
 fn tell_guesses(arguments: &Arguments, [exif, fov]: [usize; 2]) {
