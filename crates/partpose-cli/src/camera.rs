@@ -164,7 +164,7 @@ fn is_calibration(text: &str) -> bool {
 }
 
 /// Refuses a camera that nobody has: its numbers would overflow, or its images exhaust memory, much later.
-fn check_ranges(path: &Path, camera: &Camera) -> anyhow::Result<()> {
+pub(crate) fn check_ranges(path: &Path, camera: &Camera) -> anyhow::Result<()> {
     let [fx, fy] = camera.focal;
     let [cx, cy] = camera.principal_point;
     let [width, height] = camera.size.map(f64::from);

@@ -15,6 +15,8 @@ pub(crate) mod provenance;
 pub(crate) mod report;
 pub(crate) mod result_files;
 pub(crate) mod run;
+#[cfg(feature = "serve")]
+pub(crate) mod serve;
 pub(crate) mod synth;
 pub(crate) mod tracking;
 pub(crate) mod train;

@@ -6,6 +6,7 @@ use partpose::detection::Detection;
 use partpose::files::{self, RgbImage};
 use partpose::formats::DetectionFile;
 use partpose::geometry::{Camera, Extent};
+use partpose::labeling::Shard;
 use rayon::prelude::*;
 
 use crate::camera::load_camera;
@@ -20,7 +21,8 @@ use crate::report::{Outcome, note, warn};
 #[command(after_help = "\
 Examples:
   partpose fit --detections detections.safetensors --camera camera.toml --fit dense --out poses
-  partpose fit --detections run/detections --camera calib/000001.txt --images image_2 --out poses")]
+  partpose fit --detections run/detections --camera calib/000001.txt --images image_2 --out poses
+  partpose fit --detections run/detections --camera camera.toml --track --fps 25 --out poses")]
 pub(crate) struct Arguments {
     /// Detections: safetensors with `boxes`, `scores` and `part_probabilities` (docs/formats.md), or a folder of such
     /// files
@@ -39,6 +41,9 @@ pub(crate) struct Arguments {
     fit: FitFlags,
     #[command(flatten)]
     track: TrackFlags,
+    /// Do part I of N of the images; all parts may write to the same folder
+    #[arg(long, value_name = "I/N", conflicts_with = "track")]
+    shard: Option<Shard>,
     /// Folder for results: one JSON, one KITTI text and one picture an image
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -55,7 +60,11 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let file = detection_files::read(&arguments.detections)?;
     let fitter = Fitter::new(&arguments.fit, &arguments.out, file.extents.is_some())?;
     let camera = load_camera(&arguments.camera)?;
-    let by_image = by_image(file, arguments.min_score)?;
+    let mut by_image = by_image(file, arguments.min_score)?;
+    if let Some(shard) = &arguments.shard {
+        let mut index = 0..;
+        by_image.retain(|_| index.next().is_some_and(|index| shard.has(index)));
+    }
     files::create_folder(&arguments.out)?;
     let frame = |image: &ImageDetections| tracking::Frame {
         name: image.name.clone(),

@@ -176,9 +176,12 @@ impl Fitter {
         endings.map(|ending| self.out.join(format!("{stem}.{ending}"))).collect()
     }
 
-    /// Finds the poses of an image and writes JSON, KITTI text and picture.
-    pub(crate) fn fit(&self, fitting: Fitting) -> anyhow::Result<Counts> {
-        let Fitting { name, stem, camera, image, detections } = fitting;
+    /// Finds the poses of an image's detections, each with its size where it is known.
+    pub(crate) fn estimate(
+        &self,
+        camera: &Camera,
+        detections: Vec<(Detection, Option<Extent>)>,
+    ) -> Vec<(Detection, Result<PoseEstimate, NoPose>)> {
         let given: Vec<SceneDetection> = detections
             .iter()
             .map(|(detection, own)| SceneDetection { detection, extent: self.extent.source(*own) })
@@ -191,6 +194,13 @@ impl Fitter {
                 self.estimator.observe(camera, detection, estimate);
             }
         }
+        estimated
+    }
+
+    /// Finds the poses of an image and writes JSON, KITTI text and picture.
+    pub(crate) fn fit(&self, fitting: Fitting) -> anyhow::Result<Counts> {
+        let Fitting { name, stem, camera, image, detections } = fitting;
+        let estimated = self.estimate(camera, detections);
         let posed = estimated.iter().filter(|(_, estimate)| estimate.is_ok()).count();
         let result = image_result(name, camera, &self.settings, &estimated);
         let written: Vec<_> = estimated.iter().map(|(d, e)| (d, e.as_ref().ok())).collect();

@@ -68,7 +68,7 @@ pub(crate) struct Arguments {
     out: PathBuf,
 }
 
-fn parse_angle(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_angle(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (1.0..=170.0).contains(&value) => Ok(value),
         _ => Err("an angle from 1 to 170 degrees is meant".to_owned()),

@@ -43,7 +43,7 @@ pub(crate) enum TrackMode {
     Filter,
 }
 
-fn parse_rate(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_rate(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.01..=10_000.0).contains(&value) => Ok(value),
         _ => Err("frames a second, from 0.01 to 10000, are meant".to_owned()),

@@ -2,7 +2,6 @@
 
 use nalgebra::{Matrix3, Matrix6};
 
-use crate::detection::Detection;
 use crate::geometry::{Cuboid, Rect};
 use crate::pose::PoseEstimate;
 
@@ -42,8 +41,8 @@ pub struct Observation {
 }
 
 impl Observation {
-    /// Of an estimate of the pose stage.
-    pub fn of(detection: &Detection, estimate: &PoseEstimate) -> Self {
+    /// Of an estimate of the pose stage; box and score are the detection's.
+    pub fn of(bounds: &Rect, score: f64, estimate: &PoseEstimate) -> Self {
         let report = estimate.dense.as_ref();
         let models = match report {
             Some(report) => estimate
@@ -55,8 +54,8 @@ impl Observation {
             None => vec![(estimate.model.clone(), 1.0)],
         };
         Self {
-            bounds: detection.bounds,
-            score: detection.score,
+            bounds: *bounds,
+            score,
             cuboid: estimate.cuboid(),
             spread: report.map(|report| Spread {
                 covariance: report.covariance,
