@@ -110,8 +110,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let (limits, min_score) = (arguments.limits, arguments.min_score);
     let metrics = Arc::new(Metrics::default());
     let detect = Box::new(move |image: &_| network.detect(image));
-    let engine =
-        Engine { detect, fitter, cameras, min_score, most_pixels: limits.pixels() };
+    let engine = Engine { detect, fitter, cameras, min_score, most_pixels: limits.pixels() };
     let workers = Workers::start(engine, limits.workers as usize, limits.admitted(), &metrics);
     let address = SocketAddr::new(arguments.address, arguments.port);
     let server = Server::new(workers, metrics, limits);

@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use partpose::files;
-use partpose::formats::{
-    KittiRow, kitti_tracking_text, observations, with_tracks,
-};
+use partpose::formats::{KittiRow, kitti_tracking_text, observations, with_tracks};
 use partpose::geometry::Pose;
 use partpose::track::{SequenceFrame, TrackOptions, TrackedPose, Tracker, smooth_sequence};
 use partpose::vehicle::ModelZoo;
@@ -116,11 +114,7 @@ fn path_of(out: &Path, frame: &Frame) -> PathBuf {
     out.join(format!("{}.json", frame.stem))
 }
 
-fn row(
-    tracked: &TrackedPose,
-    seen: &partpose::track::Observation,
-    zoo: &ModelZoo,
-) -> KittiRow {
+fn row(tracked: &TrackedPose, seen: &partpose::track::Observation, zoo: &ModelZoo) -> KittiRow {
     let category = zoo.get(&tracked.model).map_or("Car", |model| model.category());
     KittiRow {
         category: category.to_owned(),
@@ -144,8 +138,7 @@ fn filter(frames: &[SequenceFrame]) -> Vec<Vec<Option<TrackedPose>>> {
 fn numbers(frames: &mut [&Frame]) -> Vec<u64> {
     let own: Option<Vec<u64>> = frames.iter().map(|frame| number(&frame.name)).collect();
     if let Some(own) = own {
-        let mut order: Vec<(u64, &Frame)> =
-            own.into_iter().zip(frames.iter().copied()).collect();
+        let mut order: Vec<(u64, &Frame)> = own.into_iter().zip(frames.iter().copied()).collect();
         order.sort_by_key(|(number, _)| *number);
         if order.windows(2).all(|pair| pair[0].0 < pair[1].0) {
             for (place, (_, frame)) in frames.iter_mut().zip(&order) {
@@ -194,8 +187,14 @@ mod tests {
     use super::*;
 
     fn numbered(names: &[&str]) -> (Vec<String>, Vec<u64>) {
-        let frames: Vec<Frame> =
-            names.iter().map(|name| Frame { name: (*name).to_owned(), stem: String::new(), world_from_camera: None }).collect();
+        let frames: Vec<Frame> = names
+            .iter()
+            .map(|name| Frame {
+                name: (*name).to_owned(),
+                stem: String::new(),
+                world_from_camera: None,
+            })
+            .collect();
         let mut frames: Vec<&Frame> = frames.iter().collect();
         let numbers = numbers(&mut frames);
         (frames.iter().map(|frame| frame.name.clone()).collect(), numbers)
@@ -206,7 +205,9 @@ mod tests {
         let (names, numbers) = numbered(&["a/f10.png", "a/f9.png", "a/f12.png"]);
         assert_eq!(names, ["a/f9.png", "a/f10.png", "a/f12.png"]);
         assert_eq!(numbers, [9, 10, 12]);
-        for names in [["x.png", "y1.png"], ["a1.png", "b1.png"], ["f16095879870000000.png", "f2.png"]] {
+        for names in
+            [["x.png", "y1.png"], ["a1.png", "b1.png"], ["f16095879870000000.png", "f2.png"]]
+        {
             assert_eq!(numbered(&names), (names.map(str::to_owned).to_vec(), vec![0, 1]));
         }
     }

@@ -187,7 +187,8 @@ fn parts_of_a_fit_are_together_the_whole() {
     write_detections(&folder.path().join("found.safetensors"), &detections(folder.path(), &zoo))
         .unwrap();
     let fit = |more: &[&str]| {
-        let arguments = ["fit", "--detections", "found.safetensors", "--camera", "vkitti", "--fit", "epnp"];
+        let arguments =
+            ["fit", "--detections", "found.safetensors", "--camera", "vkitti", "--fit", "epnp"];
         let said = run(folder.path(), &[&arguments[..], &["--no-pictures"], more].concat());
         assert!(said.ends_with("--- exit 0\n"), "{said}");
     };
@@ -224,8 +225,15 @@ fn vehicles_of_a_sequence_keep_their_numbers() {
         let said = run(
             folder.path(),
             &[
-                "fit", "--detections", "found.safetensors", "--camera", "vkitti", how, "--no-pictures",
-                "--out", "fit",
+                "fit",
+                "--detections",
+                "found.safetensors",
+                "--camera",
+                "vkitti",
+                how,
+                "--no-pictures",
+                "--out",
+                "fit",
             ],
         );
         assert!(said.contains("followed 6 vehicles through 12 sightings in 2 sequences"), "{said}");
@@ -244,10 +252,18 @@ fn vehicles_of_a_sequence_keep_their_numbers() {
     assert_eq!(numbers[0], ["0", "1", "Car"]);
     assert_eq!(text.lines().next().unwrap().split(' ').count(), 18);
     // Others are told that there is nothing to score.
-    run(folder.path(), &["fit", "--detections", "found.safetensors", "--camera", "vkitti", "--out", "fit"]);
-    let said =
-        run(folder.path(), &["evaluate", "tracks", "--dataset", "vkitti", "--results", "fit", "--out", "t"]);
-    assert!(said.contains("no labelled vehicle has a track") && said.ends_with("--- exit 2\n"), "{said}");
+    run(
+        folder.path(),
+        &["fit", "--detections", "found.safetensors", "--camera", "vkitti", "--out", "fit"],
+    );
+    let said = run(
+        folder.path(),
+        &["evaluate", "tracks", "--dataset", "vkitti", "--results", "fit", "--out", "t"],
+    );
+    assert!(
+        said.contains("no labelled vehicle has a track") && said.ends_with("--- exit 2\n"),
+        "{said}"
+    );
 }
 
 #[test]

@@ -28,7 +28,8 @@ fn evaluation(root: &Path) {
     fs::write(folder.join("confusion.csv"), "truth,roof,hood\nroof,9,1\nhood,2,8\n").unwrap();
     let curve = "detections,score,precision,recall\nnet,0.9,1.0,0.2\nnet,0.5,0.9,0.8\n";
     fs::write(folder.join("curves.csv"), curve).unwrap();
-    let times = ",median ms,mean ms,IoU of all %,model %\ndense (28 x 28),9,9,80.0,90\npaper,1,1,50.0,40\n";
+    let times =
+        ",median ms,mean ms,IoU of all %,model %\ndense (28 x 28),9,9,80.0,90\npaper,1,1,50.0,40\n";
     fs::write(folder.join("comparison-1.csv"), times).unwrap();
     let picture = partpose::files::RgbImage { size: [8, 8], pixels: vec![90; 192] };
     for frame in [0, 30, 59] {

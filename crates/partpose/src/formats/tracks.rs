@@ -152,9 +152,12 @@ mod tests {
             "model_probabilities": [{"model": "van", "probability": 0.75}],
             "confidence": 0.9,
         });
-        result["vehicles"].as_array_mut().unwrap().insert(0, json!({
-            "bounds": [1, 2, 30, 40], "score": 0.5, "no_pose": "too few points",
-        }));
+        result["vehicles"].as_array_mut().unwrap().insert(
+            0,
+            json!({
+                "bounds": [1, 2, 30, 40], "score": 0.5, "no_pose": "too few points",
+            }),
+        );
         result
     }
 
@@ -168,7 +171,10 @@ mod tests {
         let seen = read(&result);
         assert_eq!(seen.len(), 2);
         assert_eq!(seen[0].spread.unwrap().covariance[(3, 3)], 0.01);
-        assert_eq!((seen[0].models.as_slice(), seen[0].confidence), (&[("van".to_owned(), 0.75)][..], 0.9));
+        assert_eq!(
+            (seen[0].models.as_slice(), seen[0].confidence),
+            (&[("van".to_owned(), 0.75)][..], 0.9)
+        );
         assert_eq!((&seen[1].spread, seen[1].models[0].1), (&None, 1.0));
         result["vehicles"][1]["pose"]["dense"]["covariance"][2][2] = Value::Null;
         assert_eq!(read(&result)[0].spread, None);

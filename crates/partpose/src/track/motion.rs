@@ -151,8 +151,7 @@ impl Motion {
         let mut rest = Matrix12::identity();
         let mut left = rest.fixed_view_mut::<12, 6>(0, 0);
         left -= gain;
-        let covariance =
-            rest * self.covariance * rest.transpose() + gain * seen * gain.transpose();
+        let covariance = rest * self.covariance * rest.transpose() + gain * seen * gain.transpose();
         Self { covariance, ..self.moved_by(&(gain * residual)) }
     }
 
@@ -162,8 +161,8 @@ impl Motion {
         let Some(inverse) = predicted.covariance.cholesky() else { return self.clone() };
         let back = step.transition() * self.covariance;
         let gain = inverse.solve(&back).transpose();
-        let covariance = self.covariance
-            + gain * (next.covariance - predicted.covariance) * gain.transpose();
+        let covariance =
+            self.covariance + gain * (next.covariance - predicted.covariance) * gain.transpose();
         let covariance = 0.5 * (covariance + covariance.transpose());
         Self { covariance, ..self.moved_by(&(gain * next.minus(predicted))) }
     }
@@ -262,7 +261,8 @@ mod tests {
         let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 0.05, 0.0));
         let moved = Pose::from_parts(Vector3::new(0.0, 0.0, -0.5).into(), turn);
         let step = Step { seconds: 0.1, camera_from_previous: moved };
-        let mut pose = Pose::from_parts(Vector3::new(2.0, 1.0, 40.0).into(), UnitQuaternion::identity());
+        let mut pose =
+            Pose::from_parts(Vector3::new(2.0, 1.0, 40.0).into(), UnitQuaternion::identity());
         let mut motion = Motion::first(pose.rotation, pose.translation.vector, &seen, &noise);
         for _ in 0..20 {
             pose = moved * pose;
@@ -288,10 +288,13 @@ mod tests {
         let (noise, seen, step) = (MotionNoise::default(), covariance(0.05, 0.5), step(0.1));
         let first = Motion::first(UnitQuaternion::identity(), Vector3::z() * 20.0, &seen, &noise);
         let predicted = first.predict(&step, &noise);
-        let second = predicted.update(&UnitQuaternion::identity(), &(Vector3::z() * 20.4), &seen, 16.0);
+        let second =
+            predicted.update(&UnitQuaternion::identity(), &(Vector3::z() * 20.4), &seen, 16.0);
         let smoothed = first.smooth(&step, &predicted, &second);
         assert!(smoothed.covariance.trace() < first.covariance.trace());
-        assert!(smoothed.velocity.z > 0.0 && smoothed.covariance.symmetric_eigenvalues().min() > 0.0);
+        assert!(
+            smoothed.velocity.z > 0.0 && smoothed.covariance.symmetric_eigenvalues().min() > 0.0
+        );
     }
 
     #[test]

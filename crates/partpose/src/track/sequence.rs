@@ -48,8 +48,11 @@ pub fn smooth_sequence(
         if sightings.len() < options.least_sightings.max(1) {
             continue;
         }
-        let seen: Vec<(&Observation, Step)> =
-            sightings.iter().zip(steps(frames, sightings)).map(|([frame, row], step)| (&frames[*frame].seen[*row], step)).collect();
+        let seen: Vec<(&Observation, Step)> = sightings
+            .iter()
+            .zip(steps(frames, sightings))
+            .map(|([frame, row], step)| (&frames[*frame].seen[*row], step))
+            .collect();
         for ([frame, row], pose) in sightings.iter().zip(smooth(track, &seen, options)) {
             smoothed[*frame][*row] = Some(pose);
         }
@@ -75,11 +78,7 @@ fn steps(frames: &[SequenceFrame], sightings: &[[usize; 2]]) -> Vec<Step> {
 }
 
 /// The poses of one vehicle; each sighting with the step that leads to it.
-fn smooth(
-    track: u32,
-    seen: &[(&Observation, Step)],
-    options: &TrackOptions,
-) -> Vec<TrackedPose> {
+fn smooth(track: u32, seen: &[(&Observation, Step)], options: &TrackOptions) -> Vec<TrackedPose> {
     let mut identity = Identity::default();
     for (seen, _) in seen {
         identity.add(seen);

@@ -148,7 +148,12 @@ pub(super) fn cuboid(motion: &Motion, extent: Extent) -> Cuboid {
 }
 
 /// What is told of a vehicle in a frame.
-pub(super) fn tracked(track: u32, sightings: usize, motion: &Motion, identity: &Identity) -> TrackedPose {
+pub(super) fn tracked(
+    track: u32,
+    sightings: usize,
+    motion: &Motion,
+    identity: &Identity,
+) -> TrackedPose {
     let mut covariance = motion.covariance.fixed_view::<6, 6>(0, 0).into_owned();
     // The size errs the same way in all frames: it makes the whole track nearer or farther.
     let size = identity.variance / identity.weight;

@@ -90,8 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         ));
     }
     scores::write_tables(&arguments.out, &json!(scores), &[table(&scores)])?;
-    let scored =
-        format!("{} sightings of {} vehicles", scores.sightings, scores.labels);
+    let scored = format!("{} sightings of {} vehicles", scores.sightings, scores.labels);
     scores::finish(
         &arguments.out,
         &scored,

@@ -12,8 +12,8 @@ use std::io::Cursor;
 use std::path::Path;
 
 use anyhow::Context;
-use mcap::records::MessageHeader;
 use mcap::WriteOptions;
+use mcap::records::MessageHeader;
 use partpose::files;
 use partpose::formats::PosedVehicle;
 use partpose::geometry::{Camera, Rotation3};
@@ -44,8 +44,11 @@ fn encode(frames: &[SceneFrame], fps: f64) -> anyhow::Result<Vec<u8>> {
         let schema = file.add_schema(kind, "ros2msg", schema.as_bytes())?;
         Ok(file.add_channel(schema, topic, "cdr", &BTreeMap::new())?)
     };
-    let image =
-        channel("/camera/image/compressed", "sensor_msgs/msg/CompressedImage", schemas::COMPRESSED_IMAGE)?;
+    let image = channel(
+        "/camera/image/compressed",
+        "sensor_msgs/msg/CompressedImage",
+        schemas::COMPRESSED_IMAGE,
+    )?;
     let info = channel("/camera/camera_info", "sensor_msgs/msg/CameraInfo", schemas::CAMERA_INFO)?;
     let found = channel("/detections", "vision_msgs/msg/Detection3DArray", schemas::DETECTIONS)?;
     let truth = channel("/truth", "vision_msgs/msg/Detection3DArray", schemas::DETECTIONS)?;
@@ -91,8 +94,7 @@ fn compressed_image(time: u64, photo: &[u8]) -> Option<Message> {
 }
 
 fn camera_info(time: u64, camera: &Camera) -> Message {
-    let ([fx, fy], [cx, cy], [width, height]) =
-        (camera.focal, camera.principal_point, camera.size);
+    let ([fx, fy], [cx, cy], [width, height]) = (camera.focal, camera.principal_point, camera.size);
     let mut message = Message::new();
     header(&mut message, time);
     message.u32(height);
@@ -114,15 +116,17 @@ fn camera_info(time: u64, camera: &Camera) -> Message {
 /// `vision_msgs/Detection3DArray`.
 fn detections(time: u64, vehicles: &[PosedVehicle]) -> Message {
     // Forward, left and up in the vehicle frame.
-    let vehicle_from_body =
-        Rotation3::from_matrix_unchecked(nalgebra::Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0));
+    let vehicle_from_body = Rotation3::from_matrix_unchecked(nalgebra::Matrix3::new(
+        0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0,
+    ));
     let mut message = Message::new();
     header(&mut message, time);
     message.count(vehicles.len());
     for vehicle in vehicles {
         let center = vehicle.cuboid.center();
         let rotation = vehicle.cuboid.camera_from_vehicle.rotation.to_rotation_matrix();
-        let rotation = nalgebra::UnitQuaternion::from_rotation_matrix(&(rotation * vehicle_from_body));
+        let rotation =
+            nalgebra::UnitQuaternion::from_rotation_matrix(&(rotation * vehicle_from_body));
         let pose = |message: &mut Message| {
             [center.x, center.y, center.z, rotation.i, rotation.j, rotation.k, rotation.w]
                 .iter()
@@ -184,7 +188,10 @@ mod tests {
         };
         assert_eq!(told, [of(0), of(100_000_000)].concat());
         let schema = messages[2].channel.schema.as_ref().unwrap();
-        assert_eq!((schema.name.as_str(), schema.encoding.as_str()), ("vision_msgs/msg/Detection3DArray", "ros2msg"));
+        assert_eq!(
+            (schema.name.as_str(), schema.encoding.as_str()),
+            ("vision_msgs/msg/Detection3DArray", "ros2msg")
+        );
     }
 
     #[test]

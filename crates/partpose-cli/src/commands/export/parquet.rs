@@ -85,7 +85,9 @@ fn rotation(row: &Row, at: usize) -> f64 {
 }
 
 fn angles(row: &Row) -> EulerAngles {
-    EulerAngles::from_rotation(&row.vehicle.cuboid.camera_from_vehicle.rotation.to_rotation_matrix())
+    EulerAngles::from_rotation(
+        &row.vehicle.cuboid.camera_from_vehicle.rotation.to_rotation_matrix(),
+    )
 }
 
 /// Writes the table.
@@ -190,8 +192,11 @@ mod tests {
             camera,
             vehicles,
         };
-        let images =
-            [image("a.png", vec![vehicle]), image("b.png", Vec::new()), image("c.png", vec![followed])];
+        let images = [
+            image("a.png", vec![vehicle]),
+            image("b.png", Vec::new()),
+            image("c.png", vec![followed]),
+        ];
         let folder = tempfile::tempdir().unwrap();
         write(folder.path(), &images).unwrap();
         let bytes = std::fs::File::open(folder.path().join(FILE)).unwrap();
@@ -199,7 +204,11 @@ mod tests {
         let rows: Vec<String> =
             file.get_row_iter(None).unwrap().map(|row| row.unwrap().to_string()).collect();
         assert_eq!(rows.len(), 2);
-        assert!(rows[0].contains("image: \"a.png\"") && rows[0].contains("track: null"), "{}", rows[0]);
+        assert!(
+            rows[0].contains("image: \"a.png\"") && rows[0].contains("track: null"),
+            "{}",
+            rows[0]
+        );
         assert!(rows[1].contains("image_index: 2") && rows[1].contains("track: 7"), "{}", rows[1]);
         assert!(encode(&[]).is_ok());
     }

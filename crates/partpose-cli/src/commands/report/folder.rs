@@ -70,17 +70,8 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Run> {
     };
     let Tables { tables, curves, confusion, precision } = tables(path)?;
     let results = results(path)?;
-    let run = Run {
-        name,
-        metrics,
-        tables,
-        vehicles,
-        pictures,
-        results,
-        curves,
-        confusion,
-        precision,
-    };
+    let run =
+        Run { name, metrics, tables, vehicles, pictures, results, curves, confusion, precision };
     let empty = run.metrics.is_none() && run.tables.is_empty() && run.results.is_empty();
     if empty && run.curves.is_empty() && run.confusion.is_none() {
         let error = anyhow::anyhow!("`{}` holds no run and no evaluation", path.display());

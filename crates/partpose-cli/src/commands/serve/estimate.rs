@@ -48,8 +48,9 @@ pub(super) fn question(
     let kind = kind.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
     match kind.as_str() {
         "application/json" => {
-            let body: Body = serde_json::from_slice(&body)
-                .map_err(|error| Refusal::bad(format!("the body is not as it should be: {error}")))?;
+            let body: Body = serde_json::from_slice(&body).map_err(|error| {
+                Refusal::bad(format!("the body is not as it should be: {error}"))
+            })?;
             let bytes = BASE64
                 .decode(&body.image)
                 .map_err(|error| Refusal::bad(format!("`image` is not base64: {error}")))?;
@@ -97,7 +98,9 @@ fn of_query(query: &str) -> Result<Question, Refusal> {
     for pair in query.split('&').filter(|pair| !pair.is_empty()) {
         let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
         let number = || {
-            value.parse::<f64>().map_err(|_| Refusal::bad(format!("`{key}` of the query is no number")))
+            value
+                .parse::<f64>()
+                .map_err(|_| Refusal::bad(format!("`{key}` of the query is no number")))
         };
         match key {
             "fx" => camera[0] = Some(number()?),

@@ -50,8 +50,7 @@ pub(super) fn serve(
 /// Resolves at ctrl-c, and where there is such a thing at SIGTERM.
 fn stop_signal() -> anyhow::Result<impl Future<Output = ()>> {
     #[cfg(unix)]
-    let mut terminate =
-        tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
+    let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
     Ok(async move {
         let interrupt = tokio::signal::ctrl_c();
         #[cfg(unix)]
@@ -65,7 +64,11 @@ fn stop_signal() -> anyhow::Result<impl Future<Output = ()>> {
 }
 
 /// Takes connections until `stop`, then waits for those that are open.
-pub(super) async fn accept(listener: TcpListener, server: Arc<Server>, stop: impl Future<Output = ()>) {
+pub(super) async fn accept(
+    listener: TcpListener,
+    server: Arc<Server>,
+    stop: impl Future<Output = ()>,
+) {
     let room = Arc::new(Semaphore::new(MOST_CONNECTIONS));
     let (stopping, stopped) = watch::channel(false);
     let mut stop = pin!(stop);

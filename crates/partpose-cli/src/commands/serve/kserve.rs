@@ -75,9 +75,7 @@ pub(super) fn server() -> Value {
 
 /// What it says of the model.
 pub(super) fn model() -> Value {
-    let tensor = |(name, datatype, shape): (&str, &str, &[i64])| {
-        json!({ "name": name, "datatype": datatype, "shape": shape })
-    };
+    let tensor = |(name, datatype, shape): (&str, &str, &[i64])| json!({ "name": name, "datatype": datatype, "shape": shape });
     json!({
         "name": MODEL,
         "versions": [VERSION],
@@ -92,7 +90,9 @@ pub(super) fn question(header: Option<usize>, body: &Bytes) -> Result<(Question,
     let length = header.unwrap_or(body.len());
     if length > body.len() {
         let (told, is) = (length, body.len());
-        return Err(Refusal::bad(format!("the JSON should have {told} bytes, but the body has {is}")));
+        return Err(Refusal::bad(format!(
+            "the JSON should have {told} bytes, but the body has {is}"
+        )));
     }
     let request: Request = serde_json::from_slice(&body[..length])
         .map_err(|error| Refusal::bad(format!("this is no inference request: {error}")))?;
@@ -130,9 +130,8 @@ pub(super) fn question(header: Option<usize>, body: &Bytes) -> Result<(Question,
 }
 
 fn form(request: Request) -> Result<Form, Refusal> {
-    let is_binary = |parameters: &Map<String, Value>, key: &str| {
-        parameters.get(key).and_then(Value::as_bool)
-    };
+    let is_binary =
+        |parameters: &Map<String, Value>, key: &str| parameters.get(key).and_then(Value::as_bool);
     let all = is_binary(&request.parameters, "binary_data_output").unwrap_or(false);
     let mut outputs = Vec::new();
     for wanted in &request.outputs {
@@ -164,9 +163,8 @@ fn picture(input: &Input, binary: Option<Bytes>) -> Result<Picture, Refusal> {
         if input.shape.iter().product::<u64>() != 1 {
             return Err(Refusal::bad("`image` of type BYTES has one element, the bytes of a file"));
         }
-        let mut bytes = binary.ok_or_else(|| {
-            Refusal::bad("`image` of type BYTES must be sent as a binary tensor")
-        })?;
+        let mut bytes = binary
+            .ok_or_else(|| Refusal::bad("`image` of type BYTES must be sent as a binary tensor"))?;
         // An element of BYTES begins with its length in four bytes.
         let told = bytes.get(..4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
         if told != Some(bytes.len().saturating_sub(4)) {
@@ -194,7 +192,9 @@ fn picture(input: &Input, binary: Option<Bytes>) -> Result<Picture, Refusal> {
             .into_iter()
             .map(|value| {
                 let whole = value.fract() == 0.0 && (0.0..=255.0).contains(&value);
-                whole.then_some(value as u8).ok_or_else(|| Refusal::bad("`image` has a value that is not 0 to 255"))
+                whole
+                    .then_some(value as u8)
+                    .ok_or_else(|| Refusal::bad("`image` has a value that is not 0 to 255"))
             })
             .collect::<Result<_, _>>()?,
     };
@@ -244,8 +244,9 @@ fn numbers(input: &Input) -> Result<Vec<f64>, Refusal> {
     let data = input.data.as_ref().ok_or_else(|| {
         Refusal::bad(format!("`{name}` has neither `data` nor `binary_data_size`"))
     })?;
-    flatten(data, &mut values)
-        .ok_or_else(|| Refusal::bad(format!("`data` of `{name}` holds something that is no number")))?;
+    flatten(data, &mut values).ok_or_else(|| {
+        Refusal::bad(format!("`data` of `{name}` holds something that is no number"))
+    })?;
     Ok(values)
 }
 
@@ -281,8 +282,7 @@ pub(super) fn answer(form: &Form, result: &ImageResult) -> (Vec<u8>, Option<usiz
         }
         outputs.push(output);
     }
-    let mut answer =
-        json!({ "model_name": MODEL, "model_version": VERSION, "outputs": outputs });
+    let mut answer = json!({ "model_name": MODEL, "model_version": VERSION, "outputs": outputs });
     if let Some(id) = &form.id {
         answer["id"] = json!(id);
     }

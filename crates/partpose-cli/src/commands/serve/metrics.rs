@@ -65,7 +65,12 @@ impl Metrics {
         drop(requests);
         family("requests_total", "counter", "Requests answered, by route and status.", &lines);
         let one = |value: &AtomicU64| [(String::new(), get(value).to_string())];
-        family("requests_admitted", "gauge", "Requests arriving, waiting or in work.", &one(&self.admitted));
+        family(
+            "requests_admitted",
+            "gauge",
+            "Requests arriving, waiting or in work.",
+            &one(&self.admitted),
+        );
         family("images_in_work", "gauge", "Images that workers have in hand.", &one(&self.working));
         family("images_total", "counter", "Images done.", &one(&self.images));
         let vehicles = ["yes", "no"].iter().zip(&self.vehicles);
@@ -75,7 +80,10 @@ impl Metrics {
         family("vehicles_total", "counter", "Vehicles found, with a pose and without.", &vehicles);
         let count = get(&self.images);
         let help = "Seconds of work on an image, waiting left out.";
-        let _ = writeln!(text, "# HELP partpose_image_seconds {help}\n# TYPE partpose_image_seconds histogram");
+        let _ = writeln!(
+            text,
+            "# HELP partpose_image_seconds {help}\n# TYPE partpose_image_seconds histogram"
+        );
         for (bucket, end) in self.buckets.iter().zip(BUCKETS) {
             let _ = writeln!(text, "partpose_image_seconds_bucket{{le=\"{end}\"}} {}", get(bucket));
         }

@@ -179,9 +179,7 @@ impl Server {
         let until = Instant::now() + self.limits.time();
         match timeout_at(until, &mut pending.answer).await {
             Ok(Ok(answer)) => answer,
-            Ok(Err(_)) => {
-                Err(Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "the server stops"))
-            }
+            Ok(Err(_)) => Err(Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "the server stops")),
             Err(_) if pending.has_begun() => {
                 let reason = format!("it took longer than {} s", self.limits.timeout);
                 Err(Refusal::new(StatusCode::GATEWAY_TIMEOUT, reason))
@@ -244,9 +242,7 @@ fn route(path: &str) -> (&'static str, Vec<Method>) {
 fn json_length<B>(request: &Request<B>) -> Result<Option<usize>, Refusal> {
     let Some(value) = request.headers().get(JSON_LENGTH) else { return Ok(None) };
     let length = value.to_str().ok().and_then(|text| text.parse().ok());
-    length
-        .map(Some)
-        .ok_or_else(|| Refusal::bad(format!("the header `{JSON_LENGTH}` is no length")))
+    length.map(Some).ok_or_else(|| Refusal::bad(format!("the header `{JSON_LENGTH}` is no length")))
 }
 
 fn whole(status: StatusCode, kind: &'static str, body: impl Into<Bytes>) -> Reply {

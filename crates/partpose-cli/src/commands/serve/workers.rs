@@ -179,17 +179,18 @@ fn work(engine: &Engine, jobs: &Mutex<Receiver<Job>>, metrics: &Metrics) {
 impl Engine {
     fn answer(&self, question: Question) -> Answer {
         let Question { name, picture, camera, min_score } = question;
-        let unusable =
-            |error: &dyn std::fmt::Display| Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string());
+        let unusable = |error: &dyn std::fmt::Display| {
+            Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string())
+        };
         let path = Path::new(&name);
         let photo = self.decode(path, picture)?;
         let camera = match camera {
-            Some([fx, fy, cx, cy]) => Camera {
-                focal: [fx, fy],
-                principal_point: [cx, cy],
-                size: photo.image.size,
-            },
-            None => self.cameras.of(path, &photo).map_err(|error| unusable(&format!("{error:#}")))?.0,
+            Some([fx, fy, cx, cy]) => {
+                Camera { focal: [fx, fy], principal_point: [cx, cy], size: photo.image.size }
+            }
+            None => {
+                self.cameras.of(path, &photo).map_err(|error| unusable(&format!("{error:#}")))?.0
+            }
         };
         check_ranges(Path::new("the request"), &camera).map_err(|error| unusable(&error))?;
         let found = (self.detect)(&photo.image).map_err(|error| unusable(&format!("{error:#}")))?;
@@ -206,7 +207,8 @@ impl Engine {
     fn decode(&self, path: &Path, picture: Picture) -> Result<Photo, Refusal> {
         let too_large = |[width, height]: [u32; 2]| {
             let most = self.most_pixels / 1_000_000;
-            let reason = format!("the image has {width} x {height} pixels, more than {most} million");
+            let reason =
+                format!("the image has {width} x {height} pixels, more than {most} million");
             let is = u64::from(width) * u64::from(height) > self.most_pixels;
             if is { Err(Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, reason)) } else { Ok(()) }
         };

@@ -72,7 +72,13 @@ mod tests {
         message.bool(true);
         message.u32(7);
         let expected: Vec<u8> = [
-            &HEAD[..], &[3, 0, 0, 0], b"ab\0", &[0], &1f64.to_le_bytes(), &[1, 0, 0, 0], &[7, 0, 0, 0],
+            &HEAD[..],
+            &[3, 0, 0, 0],
+            b"ab\0",
+            &[0],
+            &1f64.to_le_bytes(),
+            &[1, 0, 0, 0],
+            &[7, 0, 0, 0],
         ]
         .concat();
         assert_eq!(message.finish(), expected);
