@@ -92,7 +92,7 @@ pub struct PosedTrack {
 impl PosedVehicle {
     /// The same with pose, size and model of its track, where it has one.
     #[must_use]
-    pub fn as_tracked(mut self) -> Self {
+    pub fn tracked(mut self) -> Self {
         if let Some(track) = &self.track {
             self.cuboid = track.cuboid;
             self.model.clone_from(&track.model);

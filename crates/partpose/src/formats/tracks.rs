@@ -170,7 +170,7 @@ mod tests {
         let mut result = result();
         let seen = read(&result);
         assert_eq!(seen.len(), 2);
-        assert_eq!(seen[0].spread.unwrap().covariance[(3, 3)], 0.01);
+        assert!((seen[0].spread.unwrap().covariance[(3, 3)] - 0.01).abs() < 1e-12);
         assert_eq!(
             (seen[0].models.as_slice(), seen[0].confidence),
             (&[("van".to_owned(), 0.75)][..], 0.9)

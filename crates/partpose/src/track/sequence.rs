@@ -85,7 +85,12 @@ fn smooth(track: u32, seen: &[(&Observation, Step)], options: &TrackOptions) -> 
     }
     let extent = identity.extent();
     let Some((first, _)) = seen.first() else { return Vec::new() };
-    let start = vehicle::first(first, &extent, options);
+    let mut start = vehicle::first(first, &extent, options);
+    // The first sighting is often one from afar: what the surest says of the rotation is nearer the truth.
+    let surest = seen.iter().rev().max_by(|a, b| a.0.confidence.total_cmp(&b.0.confidence));
+    if let Some((surest, _)) = surest.filter(|(surest, _)| surest.confidence > first.confidence) {
+        start = vehicle::turned_to(&start, surest);
+    }
     let mut pass = forwards(&start, seen, &extent, options);
     if pass.heading.0 < 0.0 {
         pass = forwards(&vehicle::turned_about(&start), seen, &extent, options);

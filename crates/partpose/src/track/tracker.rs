@@ -1,8 +1,9 @@
 //! Which sighting is of which vehicle, frame after frame.
 //!
-//! A sighting fits a vehicle if its place lies within the gate of where the vehicle is expected, by the covariances of
-//! both, or if its box covers enough of the expected one in the image: fits of single images miss distances by much, boxes
-//! by little. Of all ways to pair them the one with the lowest sum of both costs is taken. A vehicle begins with a
+//! A sighting fits a vehicle if their boxes overlap in the image and its place lies within the gate of where the vehicle
+//! is expected, by the covariances of both, or if their boxes overlap by so much that the place does not matter: fits of
+//! single images miss distances by much, boxes by little. Of all ways to pair them the one with the lowest sum of both
+//! costs is taken, in which a sighting without a vehicle has its price, too. A vehicle begins with a
 //! sighting that fits none, and ends when it was not seen for a while.
 
 use nalgebra::Matrix6;
@@ -24,8 +25,11 @@ pub struct TrackOptions {
     /// Squared Mahalanobis distance of places up to which a sighting fits a vehicle; sightings farther off that fit by
     /// their box are believed less.
     pub gate: f64,
-    /// Least intersection over union of the boxes in the image for a sighting to fit, wherever its pose is.
-    pub min_iou: f64,
+    /// Least intersection over union of the boxes in the image for a sighting to fit: within the gate, and wherever its
+    /// place is.
+    pub min_iou: [f64; 2],
+    /// What a sighting without a vehicle costs; one with a vehicle costs 0 to 2, half for its place, half for its box.
+    pub alone: f64,
     /// Least score of a sighting with which a vehicle begins; others go on with one.
     pub start_score: f64,
     /// Longest time without a sighting, seconds.
@@ -39,7 +43,8 @@ impl Default for TrackOptions {
         Self {
             motion: MotionNoise::default(),
             gate: 16.0,
-            min_iou: 0.3,
+            min_iou: [0.1, 0.5],
+            alone: 1.5,
             start_score: 0.5,
             longest_gap: 1.0,
             least_sightings: 2,
@@ -107,7 +112,7 @@ impl Tracker {
         seen: &[Observation],
     ) -> Vec<Option<TrackedPose>> {
         let step = vehicle::step(self.time.map_or(0.0, |last| time - last), *camera_from_previous);
-        self.time = Some(time);
+        let before = self.time.replace(time);
         for followed in &mut self.followed {
             followed.motion = followed.motion.predict(&step, &self.options.motion);
         }
@@ -115,8 +120,11 @@ impl Tracker {
         self.followed.retain(|followed| time - followed.seen <= longest);
         let (followed, options) = (&self.followed, &self.options);
         let expected: Vec<Option<Rect>> = followed.iter().map(|f| f.expected(camera)).collect();
-        let pairs = assign(seen.len(), followed.len(), &|row, column| {
-            followed[column].cost(&seen[row], expected[column].as_ref(), options)
+        let pairs = assign(seen.len(), followed.len(), options.alone, &|row, column| {
+            let (followed, expected) = (&followed[column], expected[column].as_ref());
+            // The last box is right where the expected place is not, as long as it is fresh.
+            let last = (before == Some(followed.seen)).then_some(&followed.bounds);
+            followed.cost(&seen[row], [expected, last], options)
         });
         let found = seen.iter().zip(pairs).map(|(seen, pair)| match pair {
             Some(index) => {
@@ -141,7 +149,7 @@ impl Followed {
         let mut identity = Identity::default();
         identity.add(seen);
         let motion = vehicle::first(seen, &identity.extent(), options);
-        let heading = Heading(seen.confidence.clamp(0.05, 1.0));
+        let heading = Heading(seen.confidence.clamp(vehicle::LEAST_CONFIDENCE, 1.0));
         Self { track, motion, identity, heading, bounds: seen.bounds, sightings: 1, seen: time }
     }
 
@@ -151,18 +159,19 @@ impl Followed {
         cuboid.project(camera)?.intersection(&camera.image_rect())
     }
 
-    /// What it costs to take a sighting for this vehicle, 0 to 2; `None` if it does not fit.
+    /// What it costs to take a sighting for this vehicle, whose boxes may be anywhere of these, 0 to 2; `None` if it
+    /// does not fit.
     fn cost(
         &self,
         seen: &Observation,
-        expected: Option<&Rect>,
+        boxes: [Option<&Rect>; 2],
         options: &TrackOptions,
     ) -> Option<f64> {
-        // The last box is right where the expected place is not.
-        let overlap = expected.map_or(0.0, |expected| expected.iou(&seen.bounds));
-        let overlap = overlap.max(self.bounds.iou(&seen.bounds));
+        let overlaps = boxes.into_iter().flatten().map(|bounds| bounds.iou(&seen.bounds));
+        let overlap = overlaps.fold(0.0, f64::max);
         let far = vehicle::distance(&self.motion, seen, &self.identity.extent()) / options.gate;
-        (far <= 1.0 || overlap >= options.min_iou).then(|| far.min(1.0) + 1.0 - overlap)
+        let least = options.min_iou[usize::from(!(far <= 1.0))];
+        (overlap >= least).then(|| far.min(1.0) + 1.0 - overlap)
     }
 
     fn take(&mut self, seen: &Observation, time: f64, options: &TrackOptions) {

@@ -13,8 +13,12 @@ use super::tracker::{TrackOptions, TrackedPose};
 
 /// Least probability of a model in one frame: no frame alone rules one out.
 const LEAST_PROBABILITY: f64 = 1e-3;
+/// Least weight of a sighting.
+pub(super) const LEAST_CONFIDENCE: f64 = 0.01;
 /// Added to the variance of the logarithm of a size: no frame alone settles it.
 const SIZE_FLOOR: f64 = 0.02;
+/// Variance of a turn that another frame says, square radians.
+const UNSURE_TURN: f64 = 0.5;
 /// Variance of a turn that is of no use, square radians.
 const NO_TURN: f64 = 4.0;
 
@@ -35,7 +39,7 @@ pub(super) struct Identity {
 impl Identity {
     pub(super) fn add(&mut self, seen: &Observation) {
         let (_, variance) = seen.covariance_and_size_variance();
-        let weight = seen.confidence.clamp(0.05, 1.0) / (variance + SIZE_FLOOR.powi(2));
+        let weight = seen.confidence.clamp(LEAST_CONFIDENCE, 1.0) / (variance + SIZE_FLOOR.powi(2));
         self.logs += seen.cuboid.extent.to_vector().map(f64::ln) * weight;
         self.variance += variance * weight;
         self.weight += weight;
@@ -96,6 +100,15 @@ pub(super) fn first(seen: &Observation, extent: &Extent, options: &TrackOptions)
     Motion::first(rotation, center, &covariance, &options.motion)
 }
 
+/// The same motion with another rotation, of which little is known.
+pub(super) fn turned_to(motion: &Motion, seen: &Observation) -> Motion {
+    let mut turned = Motion { rotation: seen.cuboid.camera_from_vehicle.rotation, ..motion.clone() };
+    for i in 0..3 {
+        turned.covariance[(i, i)] += UNSURE_TURN;
+    }
+    turned
+}
+
 /// The same motion of a vehicle whose other end is the front.
 pub(super) fn turned_about(motion: &Motion) -> Motion {
     Motion { rotation: motion.rotation * half_turn(), ..motion.clone() }
@@ -119,7 +132,7 @@ pub(super) fn update(
     options: &TrackOptions,
 ) -> Motion {
     let Sighting { mut rotation, center, mut covariance } = sighting(seen, extent);
-    let speaks = seen.confidence.clamp(0.05, 1.0);
+    let speaks = seen.confidence.clamp(LEAST_CONFIDENCE, 1.0);
     if motion.rotation.angle_to(&rotation) > FRAC_PI_2 {
         rotation *= half_turn();
         heading.0 -= speaks;

@@ -3,16 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use partpose::dataset::{Dataset, Frame};
+use partpose::dataset::{Dataset, Frame, VehicleLabel};
 use partpose::eval::matching::{MatchOptions, TruthBoxes, match_detections};
 use partpose::eval::tracks::{PoseSeries, TrackSample, TrackScores, score_tracks};
 use partpose::eval::{
-    Configuration, EvaluationOptions, Table, TruthExtent, calibrate, evaluate_frames,
+    Configuration, EvaluationOptions, FrameOutcome, Table, TruthExtent, calibrate, evaluate_frames,
 };
-use partpose::geometry::Pose;
+use partpose::geometry::{Cuboid, Pose};
 use partpose::oracle::{Degradation, OracleBox};
 use partpose::pose::{PnpMethod, PoseOptions};
-use partpose::track::{Observation, SequenceFrame, TrackOptions, smooth_sequence};
+use partpose::track::{Observation, SequenceFrame, TrackOptions, TrackedPose, smooth_sequence};
 use partpose::vehicle::ModelZoo;
 use serde_json::json;
 
@@ -171,51 +171,61 @@ fn of_oracle(arguments: &Arguments, sequences: &[&[Frame]]) -> Samples {
     for (sequence, frames) in sequences.iter().enumerate() {
         let outcomes =
             evaluate_frames(frames, &options, std::slice::from_ref(&configuration), &|| bar.inc(1));
-        let (mut seen, mut vehicles) = (Vec::new(), Vec::new());
-        let mut before: Option<Pose> = None;
-        for (frame, outcome) in frames.iter().zip(outcomes) {
-            let mut found = Vec::new();
-            match outcome {
-                Ok(outcome) => found.extend(outcome.into_iter().flatten()),
-                Err(error) => {
-                    missing += 1;
-                    warn(format_args!("skipped frame {}: {error}", frame.name()));
-                }
-            }
-            let mut observations = Vec::new();
-            for outcome in found {
-                let label = &frame.vehicles[outcome.vehicle];
-                let Ok(estimate) = &outcome.estimate else { continue };
-                observations.push(Observation::of(&label.bounds, 1.0, estimate));
-                vehicles.push((frame, label, estimate.cuboid()));
-            }
-            let moved = match (&frame.world_from_camera, &before) {
-                (Some(now), Some(before)) if arguments.camera_motion => now.inverse() * before,
-                _ => Pose::identity(),
-            };
-            before = frame.world_from_camera;
-            seen.push(SequenceFrame {
-                time: f64::from(frame.index) / arguments.fps,
-                camera: frame.camera,
-                camera_from_previous: moved,
-                seen: observations,
-            });
-        }
-        let tracked = smooth_sequence(&seen, &TrackOptions::default());
-        for ((frame, label, alone), tracked) in vehicles.iter().zip(tracked.iter().flatten()) {
-            let Some(number) = label.track else { continue };
-            samples.push(TrackSample {
-                sequence,
-                frame: frame.index,
-                label: number,
-                truth: label.cuboid,
-                alone: *alone,
-                tracked: tracked.as_ref().map(|tracked| (tracked.track, tracked.cuboid)),
-            });
-        }
+        missing += outcomes.iter().filter(|outcome| outcome.is_err()).count();
+        samples.extend(follow(arguments, sequence, frames, outcomes));
     }
     bar.finish_and_clear();
     Ok((samples, missing))
+}
+
+/// Follows what was fitted in the frames of a sequence.
+fn follow(
+    arguments: &Arguments,
+    sequence: usize,
+    frames: &[Frame],
+    outcomes: Vec<FrameOutcome>,
+) -> Vec<TrackSample> {
+    let (mut seen, mut vehicles) = (Vec::new(), Vec::new());
+    let mut before: Option<Pose> = None;
+    for (frame, outcome) in frames.iter().zip(outcomes) {
+        let found = outcome.unwrap_or_else(|error| {
+            warn(format_args!("skipped frame {}: {error}", frame.name()));
+            Vec::new()
+        });
+        let mut observations = Vec::new();
+        for outcome in found.into_iter().flatten() {
+            let label = &frame.vehicles[outcome.vehicle];
+            let Ok(estimate) = &outcome.estimate else { continue };
+            observations.push(Observation::of(&label.bounds, 1.0, estimate));
+            vehicles.push((frame, label, estimate.cuboid()));
+        }
+        let moved = match (&frame.world_from_camera, &before) {
+            (Some(now), Some(before)) if arguments.camera_motion => now.inverse() * before,
+            _ => Pose::identity(),
+        };
+        before = frame.world_from_camera;
+        seen.push(SequenceFrame {
+            time: f64::from(frame.index) / arguments.fps,
+            camera: frame.camera,
+            camera_from_previous: moved,
+            seen: observations,
+        });
+    }
+    let tracked = smooth_sequence(&seen, &TrackOptions::default());
+    let sample = |((frame, label, alone), tracked): (
+        &(&Frame, &VehicleLabel, Cuboid),
+        &Option<TrackedPose>,
+    )| {
+        Some(TrackSample {
+            sequence,
+            frame: frame.index,
+            label: label.track?,
+            truth: label.cuboid,
+            alone: *alone,
+            tracked: tracked.as_ref().map(|tracked| (tracked.track, tracked.cuboid)),
+        })
+    };
+    vehicles.iter().zip(tracked.iter().flatten()).filter_map(sample).collect()
 }
 
 fn table(scores: &TrackScores) -> Table {

@@ -203,8 +203,10 @@ mod tests {
             .chunks_exact(8)
             .map(|bytes| f64::from_le_bytes(bytes.try_into().unwrap()))
             .collect();
-        assert_eq!(values[..3], [1.0, 0.75, 20.0]);
-        assert_eq!(values[7..], [4.4, 1.8, 1.5]);
+        let expected = [1.0, 0.75, 20.0, 4.4, 1.8, 1.5];
+        for (value, expected) in values[..3].iter().chain(&values[7..]).zip(expected) {
+            assert!((value - expected).abs() < 1e-12, "{values:?}");
+        }
         // Forward is the camera's z, up its -y.
         let q = nalgebra::Quaternion::new(values[6], values[3], values[4], values[5]);
         let q = nalgebra::UnitQuaternion::from_quaternion(q);

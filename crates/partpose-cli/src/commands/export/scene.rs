@@ -28,7 +28,7 @@ pub(crate) struct SceneFlags {
 
 /// The image with its vehicles where their tracks have them.
 pub(crate) fn as_tracked(image: PosedImage) -> PosedImage {
-    let vehicles = image.vehicles.into_iter().map(PosedVehicle::as_tracked).collect();
+    let vehicles = image.vehicles.into_iter().map(PosedVehicle::tracked).collect();
     PosedImage { vehicles, ..image }
 }
 

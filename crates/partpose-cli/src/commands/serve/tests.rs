@@ -73,7 +73,7 @@ fn start(more: &[&str], seconds: f64) -> Running {
         runtime.block_on(async move {
             let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
             bound.send(listener.local_addr().unwrap()).unwrap();
-            http::accept(listener, server, async { stopped.await.unwrap_or(()) }).await;
+            http::accept(listener, server, async { drop(stopped.await) }).await;
         });
     });
     Running { address: address.recv().unwrap(), stop: Some(stop), thread: Some(thread), calls }
@@ -95,7 +95,7 @@ impl Running {
     /// Status, head and body of what bytes are answered with; nothing where the connection is closed without an answer.
     fn raw(&self, bytes: &[u8]) -> Option<(u16, String, Vec<u8>)> {
         let mut stream = TcpStream::connect(self.address).unwrap();
-        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(50))).unwrap();
         // The server may close before all is sent.
         let _ = stream.write_all(bytes);
         let mut answer = Vec::new();

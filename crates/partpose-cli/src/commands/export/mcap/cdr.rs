@@ -1,4 +1,4 @@
-//! ROS 2's encoding of messages: OMG's CDR (DDSI-RTPS, "PLAIN_CDR"), little-endian.
+//! ROS 2's encoding of messages: OMG's CDR (DDSI-RTPS, `PLAIN_CDR`), little-endian.
 //!
 //! Values are aligned to their own size, counted from the end of the four bytes that name the encoding; texts end in a
 //! zero byte that their length counts.
