@@ -208,7 +208,7 @@ mod tests {
         let t = f64::from(frame) * 0.1;
         let away = observation([-2.0, 1.0, 15.0 + 8.0 * t], 0.0, 1.0);
         let near = observation([2.0, 1.0, 40.0 - 12.0 * t], std::f64::consts::PI, 1.0);
-        if frame % 2 == 0 { [away, near] } else { [near, away] }
+        if frame.is_multiple_of(2) { [away, near] } else { [near, away] }
     }
 
     fn step(tracker: &mut Tracker, frame: u32, seen: &[Observation]) -> Vec<Option<TrackedPose>> {
@@ -220,7 +220,7 @@ mod tests {
         let mut tracker = Tracker::new(&TrackOptions::default());
         for frame in 0..20 {
             let found = ids(&step(&mut tracker, frame, &pass(frame)));
-            let expected = if frame % 2 == 0 { [1, 2] } else { [2, 1] };
+            let expected = if frame.is_multiple_of(2) { [1, 2] } else { [2, 1] };
             assert_eq!(found, expected.map(Some), "frame {frame}");
         }
     }
