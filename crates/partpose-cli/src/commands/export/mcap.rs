@@ -105,10 +105,12 @@ fn camera_info(time: u64, camera: &Camera) -> Message {
     let matrix = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
     let projection = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0];
     for values in [&distortion[..], &matrix, &identity, &projection] {
-        values.iter().for_each(|value| message.f64(*value));
+        message.numbers(values);
     }
     // Binning twice, and the region of interest: the whole image, not rectified.
-    (0..6).for_each(|_| message.u32(0));
+    for _ in 0..6 {
+        message.u32(0);
+    }
     message.bool(false);
     message
 }
@@ -127,21 +129,18 @@ fn detections(time: u64, vehicles: &[PosedVehicle]) -> Message {
         let rotation = vehicle.cuboid.camera_from_vehicle.rotation.to_rotation_matrix();
         let rotation =
             nalgebra::UnitQuaternion::from_rotation_matrix(&(rotation * vehicle_from_body));
-        let pose = |message: &mut Message| {
-            [center.x, center.y, center.z, rotation.i, rotation.j, rotation.k, rotation.w]
-                .iter()
-                .for_each(|value| message.f64(*value));
-        };
+        let pose =
+            [center.x, center.y, center.z, rotation.i, rotation.j, rotation.k, rotation.w];
         header(&mut message, time);
         message.count(1);
         message.text(&vehicle.category);
         message.f64(vehicle.score);
-        pose(&mut message);
+        message.numbers(&pose);
         // All 0: not known.
-        (0..36).for_each(|_| message.f64(0.0));
-        pose(&mut message);
+        message.numbers(&[0.0; 36]);
+        message.numbers(&pose);
         let extent = &vehicle.cuboid.extent;
-        [extent.length, extent.width, extent.height].iter().for_each(|side| message.f64(*side));
+        message.numbers(&[extent.length, extent.width, extent.height]);
         message.text(&vehicle.track.as_ref().map_or(String::new(), |track| track.id.to_string()));
     }
     message

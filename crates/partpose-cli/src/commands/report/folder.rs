@@ -68,7 +68,7 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Run> {
         file if file.is_file() => vehicles(&csv::read(&file)?),
         _ => Vec::new(),
     };
-    let Tables { tables, curves, confusion, precision } = tables(path)?;
+    let Tables { plain: tables, curves, confusion, precision } = tables(path)?;
     let results = results(path)?;
     let run =
         Run { name, metrics, tables, vehicles, pictures, results, curves, confusion, precision };
@@ -83,7 +83,7 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Run> {
 /// The tables of a folder, by what is made of them.
 #[derive(Default)]
 struct Tables {
-    tables: Vec<Table>,
+    plain: Vec<Table>,
     curves: Vec<Table>,
     confusion: Option<Table>,
     precision: Option<Table>,
@@ -122,7 +122,7 @@ fn tables(path: &Path) -> anyhow::Result<Tables> {
             let numbered = stem.starts_with("table-") || stem.starts_with("comparison-");
             let title = if numbered { titles.next() } else { None };
             table.title = title.unwrap_or(stem);
-            found.tables.push(table);
+            found.plain.push(table);
         }
     }
     Ok(found)

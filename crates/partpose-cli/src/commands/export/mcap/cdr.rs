@@ -43,6 +43,13 @@ impl Message {
         self.aligned(&value.to_le_bytes());
     }
 
+    /// Numbers one after the other, as those of a fixed count.
+    pub(super) fn numbers(&mut self, values: &[f64]) {
+        for value in values {
+            self.f64(*value);
+        }
+    }
+
     /// How many elements a sequence has.
     pub(super) fn count(&mut self, count: usize) {
         self.u32(count as u32);
