@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
 # Tests the Python package in an environment of its own below target/: pytest, and the stubs against the module.
 #
-#   scripts/test_python.sh          the library as `cargo build --release` makes it, which shares what `cargo run
-#                                   --release` has built
+#   scripts/test_python.sh          the library as the tests' profile makes it, which shares what .ci/run has compiled
 #   scripts/test_python.sh --pip    installed by `pip install .`, which builds all of it once more; and the examples for
 #                                   Rerun, Daft and Ray (0.6 GB of packages)
 set -euo pipefail
@@ -22,12 +21,13 @@ fi
 if [ "${1:-}" = --pip ]; then
   "$venv/bin/python" -m pip install --verbose ".[rerun,daft]"
 else
-  cargo build --release
+  # With a test among the targets, features are those of the tests.
+  cargo build --workspace --lib --test layers
   # The package's files beside the library, as the wheel has them.
   stage=$root/target/python
   rm -rf "$stage" && mkdir -p "$stage"
   cp -r crates/partpose-py/python/partpose "$stage/partpose"
-  cp target/release/lib_partpose.so "$stage/partpose/_partpose.abi3.so"
+  cp target/debug/lib_partpose.so "$stage/partpose/_partpose.abi3.so"
   export PYTHONPATH=$stage
 fi
 "$venv/bin/python" -m pytest -q crates/partpose-py/tests examples/daft

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("daft")
+pytest.importorskip("PIL")
 parquet = pytest.importorskip("pyarrow.parquet")
 
 HERE = Path(__file__).parent
@@ -29,9 +30,9 @@ def once():
 
 class Mortal(pipeline.Estimator):
     @daft.method(return_dtype=daft.DataType.list(pipeline.VEHICLE))
-    def estimate(self, image, focal, center):
+    def estimate(self, picture, focal, center):
         once()
-        return self.vehicles(image, focal, center)
+        return self.vehicles(picture, focal, center)
 
 class MortalLabeller(pipeline.Labeller):
     @daft.method(return_dtype=pipeline.DONE)
@@ -48,7 +49,7 @@ else:
 """
 
 
-def python(arguments, timeout=300):
+def python(arguments, timeout=900):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])}
     environment |= {"DAFT_PROGRESS_BAR": "0", "RAY_raylet_start_wait_time_s": "300"}
     done = subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, text=True, timeout=timeout)

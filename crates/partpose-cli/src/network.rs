@@ -1,18 +1,21 @@
-//! The first stage: weights looked up, images to detections.
+//! The first stage: weights looked up, images to detections, by our own engine or by ONNX Runtime.
 //!
 //! The weights that come with the program are part of it, put there by `build.rs` if `weights/partpose-r18.safetensors`
 //! lies in the repository when it is built: a clone's `cargo run`, an installed binary and a copied one then behave
 //! alike, and no search can find the wrong file. (A package on crates.io may not be so large; whoever builds from one
 //! gives `--weights`.)
 
+#[cfg(feature = "onnx")]
+pub(crate) mod onnx;
+
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
+use clap::ValueEnum;
 use partpose::detection::Detection;
 use partpose::files::{self, RgbImage};
-use partpose::geometry::Extent;
 use partpose_net::detector::Detector;
-use partpose_net::weights;
+use partpose_net::{MaskRcnn, weights};
 
 use crate::report::hint;
 
@@ -31,45 +34,77 @@ pub(crate) struct Network {
     /// A hash of the weights, which tells networks of one name apart.
     pub(crate) identity: String,
     kernel: usize,
-    detector: Detector,
+    detector: AnyDetector,
 }
 
-/// A vehicle that was found.
-pub(crate) struct Found {
-    pub(crate) detection: Detection,
-    /// Its size, where the network says it.
-    pub(crate) extent: Option<Extent>,
+enum AnyDetector {
+    Own(Box<Detector>),
+    #[cfg(feature = "onnx")]
+    Onnx(Box<partpose_onnx::OnnxDetector>),
+}
+
+/// What runs the first stage.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub(crate) struct EngineFlags {
+    /// What runs the network
+    #[arg(long, value_enum, default_value = "own")]
+    engine: Engine,
+    /// A detector of your own as an ONNX file, in place of the network; ONNX Runtime runs it
+    #[arg(long, value_name = "FILE", conflicts_with = "weights")]
+    onnx_model: Option<PathBuf>,
+    /// TOML file that says what the model of `--onnx-model` takes and puts out; that of `export onnx` if not given
+    #[arg(long, value_name = "MAP", requires = "onnx_model")]
+    mapping: Option<PathBuf>,
+    /// ONNX Runtime's library; else the one that `ORT_DYLIB_PATH` names, else the system's or that of `pip install
+    /// onnxruntime`
+    #[arg(long, value_name = "FILE")]
+    onnxruntime: Option<PathBuf>,
+    /// Where our own engine computes; this build has `cpu`
+    #[arg(long, default_value = "cpu", value_parser = parse_device)]
+    device: DeviceFlag,
+}
+
+impl EngineFlags {
+    /// Whether a detector of one's own is given.
+    pub(crate) fn has_model(&self) -> bool {
+        self.onnx_model.is_some()
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Engine {
+    /// Ours
+    #[default]
+    Own,
+    /// ONNX Runtime, with the network as `export onnx` writes it
+    Onnx,
+}
+
+/// A device of this build.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct DeviceFlag(pub(crate) Device);
+
+/// The device of a name.
+pub(crate) fn parse_device(name: &str) -> Result<DeviceFlag, String> {
+    match name {
+        "cpu" => Ok(DeviceFlag::default()),
+        _ => Err("this build computes on `cpu` alone".to_owned()),
+    }
 }
 
 impl Network {
-    /// The weights of a file, or those that come with the program.
-    pub(crate) fn load(weights: Option<&Path>) -> anyhow::Result<Self> {
-        let (path, read);
-        let bytes: &[u8] = match (weights, SHIPPED) {
-            (Some(given), _) => {
-                path = given.to_owned();
-                read = files::read(given)?;
-                &read
-            }
-            (None, Some(shipped)) => {
-                path = PathBuf::from(SHIPPED_NAME);
-                shipped
-            }
-            (None, None) => {
-                return Err(hint(
-                    anyhow::anyhow!("this program was built without weights"),
-                    format!(
-                        "give `--weights FILE`, or build it from a clone that has `weights/{SHIPPED_NAME}`; \
-                         `partpose train` trains a network"
-                    ),
-                ));
-            }
-        };
-        let net = weights::from_bytes(&path, bytes, &Device::default())?;
-        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let identity = format!("{name}, {:016x}", hash(bytes));
+    /// The network with the weights of a file, or with those that come with the program; or the detector of an ONNX file.
+    pub(crate) fn load(weights: Option<&Path>, flags: &EngineFlags) -> anyhow::Result<Self> {
+        if let Some(model) = &flags.onnx_model {
+            return Self::of_model(model, flags);
+        }
+        let (net, name, identity) = load_weights(weights, &flags.device.0)?;
         let kernel = net.config().parts.kernel;
-        Ok(Self { name, identity, kernel, detector: Detector::new(&net) })
+        let detector = match flags.engine {
+            Engine::Own => AnyDetector::Own(Box::new(Detector::new(&net))),
+            Engine::Onnx => return Self::of_export(&net, (name, identity), flags),
+        };
+        Ok(Self { name, identity, kernel, detector })
     }
 
     /// Cells a side of the kernels.
@@ -78,13 +113,64 @@ impl Network {
     }
 
     /// The vehicles of an image, best first.
-    pub(crate) fn detect(&self, image: &RgbImage) -> anyhow::Result<Vec<Found>> {
-        let found = self.detector.detect(image)?;
-        let found = found
-            .into_iter()
-            .map(|found| Found { detection: found.detection, extent: found.extent });
-        Ok(found.collect())
+    pub(crate) fn detect(&self, image: &RgbImage) -> anyhow::Result<Vec<Detection>> {
+        match &self.detector {
+            AnyDetector::Own(detector) => Ok(detector.detect(image)?),
+            #[cfg(feature = "onnx")]
+            AnyDetector::Onnx(detector) => Ok(detector.detect(image)?),
+        }
     }
+
+    #[cfg(not(feature = "onnx"))]
+    fn of_model(_: &Path, _: &EngineFlags) -> anyhow::Result<Self> {
+        Err(without_onnx())
+    }
+
+    #[cfg(not(feature = "onnx"))]
+    fn of_export(_: &MaskRcnn, _: (String, String), _: &EngineFlags) -> anyhow::Result<Self> {
+        Err(without_onnx())
+    }
+}
+
+#[cfg(not(feature = "onnx"))]
+fn without_onnx() -> anyhow::Error {
+    hint(
+        anyhow::anyhow!("this program was built without ONNX Runtime"),
+        "build it with the feature `onnx`, which is on by default",
+    )
+}
+
+/// A network with the weights of a file, or those that come with the program; what they are called, and a name that tells
+/// them apart.
+pub(crate) fn load_weights(
+    weights: Option<&Path>,
+    device: &Device,
+) -> anyhow::Result<(MaskRcnn, String, String)> {
+    let (path, read);
+    let bytes: &[u8] = match (weights, SHIPPED) {
+        (Some(given), _) => {
+            path = given.to_owned();
+            read = files::read(given)?;
+            &read
+        }
+        (None, Some(shipped)) => {
+            path = PathBuf::from(SHIPPED_NAME);
+            shipped
+        }
+        (None, None) => {
+            return Err(hint(
+                anyhow::anyhow!("this program was built without weights"),
+                format!(
+                    "give `--weights FILE`, or build it from a clone that has `weights/{SHIPPED_NAME}`; \
+                         `partpose train` trains a network"
+                ),
+            ));
+        }
+    };
+    let net = weights::from_bytes(&path, bytes, device)?;
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let identity = format!("{name}, {:016x}", hash(bytes));
+    Ok((net, name, identity))
 }
 
 /// FNV-1a of eight bytes at a time: fixed, and fast enough for 30 MB.

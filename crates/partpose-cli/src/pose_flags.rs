@@ -3,7 +3,9 @@
 use clap::ValueEnum;
 use partpose::parts::Scaling;
 use partpose::pose::dense::DenseOptions;
-use partpose::pose::{Center2d, Center3d, DEFAULT_SMALL_PART, PartFilters, PnpMethod, PoseOptions};
+use partpose::pose::{
+    Center2d, Center3d, DEFAULT_SMALL_PART, PartFilters, PnpMethod, PoseOptions, Ranking,
+};
 
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct PoseFlags {
@@ -14,6 +16,10 @@ pub(crate) struct PoseFlags {
     /// have no say; or with a solver for the centres of parts, the paper's being `epnp`
     #[arg(long, value_enum, default_value = "dense")]
     fit: FitFlag,
+    /// What models are compared by when poses come from the centres of parts: the paper's reprojection error alone, or also
+    /// what the network says of models and how far a size that is given lies from theirs
+    #[arg(long, value_enum, default_value = "error")]
+    rank: RankFlag,
     /// Refine with Levenberg-Marquardt, robust and weighted by each part's spread
     #[arg(long)]
     refine: bool,
@@ -33,6 +39,10 @@ pub(crate) struct PoseFlags {
     /// Outermost rows and columns of the image that count as its border under `cfix`
     #[arg(long, value_name = "PIXELS", default_value_t = 1, value_parser = clap::value_parser!(u32).range(..=1000))]
     border: u32,
+    /// How much a detector's probabilities of models count beside its masks when the dense fit compares models: 0 for
+    /// nothing, 1 as if they were independent of the masks and honest
+    #[arg(long, value_name = "WEIGHT", default_value_t = DenseOptions::default().model_weight, value_parser = weight)]
+    model_weight: f64,
     /// Seed of whatever is random
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
@@ -50,6 +60,12 @@ enum FitFlag {
     Sqpnp,
     Ransac,
     Dense,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum RankFlag {
+    Error,
+    Evidence,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -90,6 +106,13 @@ fn share(text: &str) -> Result<f64, String> {
     }
 }
 
+fn weight(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=100.0).contains(&value) => Ok(value),
+        _ => Err("a number from 0 to 100 is meant".to_owned()),
+    }
+}
+
 impl PoseFlags {
     /// The options that the flags ask for.
     pub(crate) fn options(&self) -> PoseOptions {
@@ -120,9 +143,13 @@ impl PoseFlags {
                 FitFlag::Ransac => PnpMethod::Ransac,
                 FitFlag::Dense => PnpMethod::Dense,
             },
+            ranking: match self.rank {
+                RankFlag::Error => Ranking::Error,
+                RankFlag::Evidence => Ranking::Evidence,
+            },
             refine: self.refine,
             seed: self.seed,
-            dense: DenseOptions::default(),
+            dense: DenseOptions { model_weight: self.model_weight, ..Default::default() },
         }
     }
 }

@@ -1,4 +1,5 @@
-//! Times a training step and an inference: `cargo run --release -p partpose-net --example step -- [STEPS [only-training]]`.
+//! Times training steps and inferences, and tells the peak memory:
+//! `cargo run --release -p partpose-net --example step -- [COUNT [training|inference [WIDTH HEIGHT IMAGES]]]`.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 use std::time::Instant;
@@ -8,7 +9,7 @@ use burn::module::Module;
 use burn::optim::momentum::MomentumConfig;
 use burn::optim::{GradientsParams, SgdConfig};
 use burn::tensor::{Device, TensorData};
-use partpose_net::{NetConfig, Target};
+use partpose_net::{MaskRcnn, NetConfig, Target};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -60,51 +61,75 @@ fn processor_time() -> f64 {
     fields.filter_map(|ticks| ticks.parse::<f64>().ok()).sum::<f64>() * 10.0
 }
 
+/// Most memory so far, MB, where the system tells.
+fn peak_memory() -> f64 {
+    let text = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let number = line.and_then(|line| line.trim().trim_end_matches(" kB").parse::<f64>().ok());
+    number.unwrap_or(f64::NAN) / 1000.0
+}
+
 fn main() {
-    let steps: usize = std::env::args().nth(1).map_or(5, |n| n.parse().unwrap());
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let number = |i: usize| arguments.get(i).map(|n| n.parse::<usize>().unwrap());
+    let steps = number(0).unwrap_or(5);
+    let wanted = |what: &str| arguments.get(1).is_none_or(|asked| asked == what);
     // As many masks as a street has vehicles; a network of so few steps finds one everywhere.
     let mut config = NetConfig::default();
     config.boxes.max_detections = 10;
-    for (count, size) in [(2, [640, 192]), (1, [1248, 384])] {
+    let sizes = match (number(2), number(3), number(4)) {
+        (Some(width), Some(height), Some(count)) => vec![(count, [width, height])],
+        _ => vec![(2, [640, 192]), (1, [1248, 384])],
+    };
+    for (count, size) in sizes {
         let device = Device::default().autodiff();
         let mut net = config.init(&device, 1);
-        let mut optimizer = SgdConfig::new().with_momentum(Some(MomentumConfig::new())).init();
         let (images, targets) = batch(count, size, &device);
-        let mut rng = ChaCha8Rng::seed_from_u64(7);
-        for step in 0..steps {
-            let (begin, used) = (Instant::now(), processor_time());
-            let since = || begin.elapsed().as_secs_f64() * 1e3;
-            let losses = net.losses(images.clone(), &targets, &mut rng);
-            let total = losses.total(&config.loss);
-            let forward = since();
-            let gradients = GradientsParams::from_grads(total.backward(), &net);
-            let backward = since() - forward;
-            net = optimizer.step(0.01, net, gradients);
-            let (all, used) = (since(), processor_time() - used);
-            let value = |t: &Tensor<1>| t.clone().into_scalar::<f32>();
-            println!(
-                "{count} x {size:?} step {step}: forward {forward:.0} backward {backward:.0} update {:.0} \
-                 all {all:.0} (processor {used:.0}) ms; loss {:.3} (rpn {:.3} {:.3}, class {:.3} \
-                 box {:.3} mask {:.3})",
-                all - forward - backward,
-                value(&total),
-                value(&losses.rpn_objectness),
-                value(&losses.rpn_box),
-                value(&losses.class),
-                value(&losses.boxes),
-                value(&losses.mask),
-            );
+        if wanted("training") {
+            net = train(net, &images, &targets, steps);
         }
-        if std::env::args().nth(2).is_some() {
-            continue;
-        }
-        let net = net.valid().fold();
-        let image = images.without_autodiff().narrow(0, 0, 1);
-        for _ in 0..6 {
-            let (begin, used) = (Instant::now(), processor_time());
-            let found = net.detect(image.clone(), size);
-            let (all, used) = (begin.elapsed().as_secs_f64() * 1e3, processor_time() - used);
-            println!("inference {all:.0} (processor {used:.0}) ms, {} found", found.len());
+        if wanted("inference") {
+            let net = net.valid().fold();
+            let image = images.without_autodiff().narrow(0, 0, 1);
+            for _ in 0..steps {
+                let (begin, used) = (Instant::now(), processor_time());
+                let found = net.detect(image.clone(), size);
+                let (all, used) = (begin.elapsed().as_secs_f64() * 1e3, processor_time() - used);
+                println!("inference {all:.0} (processor {used:.0}) ms, {} found", found.len());
+            }
         }
     }
+    println!("peak memory {:.0} MB", peak_memory());
+}
+
+fn train(mut net: MaskRcnn, images: &Tensor<4>, targets: &[Target], steps: usize) -> MaskRcnn {
+    let mut optimizer = SgdConfig::new().with_momentum(Some(MomentumConfig::new())).init();
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    for step in 0..steps {
+        let (begin, used) = (Instant::now(), processor_time());
+        let since = || begin.elapsed().as_secs_f64() * 1e3;
+        let losses = net.losses(images.clone(), targets, &mut rng);
+        let total = losses.total(&net.config().loss);
+        let forward = since();
+        let gradients = GradientsParams::from_grads(total.backward(), &net);
+        let backward = since() - forward;
+        net = optimizer.step(0.01, net, gradients);
+        let (all, used) = (since(), processor_time() - used);
+        let value = |t: &Tensor<1>| t.clone().into_scalar::<f32>();
+        println!(
+            "{} x {:?} step {step}: forward {forward:.0} backward {backward:.0} update {:.0} \
+             all {all:.0} (processor {used:.0}) ms; loss {:.3} (rpn {:.3} {:.3}, class {:.3} \
+             box {:.3} mask {:.3})",
+            targets.len(),
+            targets[0].size,
+            all - forward - backward,
+            value(&total),
+            value(&losses.rpn_objectness),
+            value(&losses.rpn_box),
+            value(&losses.class),
+            value(&losses.boxes),
+            value(&losses.mask),
+        );
+    }
+    net
 }

@@ -4,7 +4,10 @@
 
 /// Largest logarithm of a size ratio that is decoded: a box grows at most to 1000 / 16 times its size, as in torchvision,
 /// so that no network output becomes infinite.
-const MOST_GROWTH: f32 = 4.135;
+pub(crate) const MOST_GROWTH: f32 = 4.135;
+
+/// Side that a box without extent counts as having, so that it still has logarithms, pixels.
+pub(crate) const LEAST_SIZE: f32 = 1e-3;
 
 /// x and y of the upper left corner and of the lower right one.
 pub type Corners = [f32; 4];
@@ -67,8 +70,7 @@ pub fn suppress(boxes: &[Corners], threshold: f32, limit: usize) -> Vec<usize> {
 }
 
 fn centre_and_size([x0, y0, x1, y1]: Corners) -> [f32; 4] {
-    // A box without extent still has logarithms.
-    let [w, h] = [(x1 - x0).max(1e-3), (y1 - y0).max(1e-3)];
+    let [w, h] = [(x1 - x0).max(LEAST_SIZE), (y1 - y0).max(LEAST_SIZE)];
     [0.5 * (x0 + x1), 0.5 * (y0 + y1), w, h]
 }
 

@@ -33,6 +33,8 @@ pub struct NetConfig {
     pub models: Vec<String>,
     /// Whether a head estimates width, height and length.
     pub extents: bool,
+    /// The head that says both, where one is asked for.
+    pub vehicle: VehicleConfig,
     /// Weights of the losses.
     pub loss: LossWeights,
 }
@@ -221,6 +223,16 @@ pub struct PartConfig {
     pub class_weights: Vec<f32>,
 }
 
+/// The head that says which model a vehicle is and how large.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct VehicleConfig {
+    /// Channels of its 3x3 convolution, which halves the cells.
+    pub channels: usize,
+    /// Width of its hidden layer.
+    pub width: usize,
+}
+
 /// Where the part head's features are brought to the kernel's size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -276,6 +288,7 @@ impl Default for NetConfig {
             parts: PartConfig::default(),
             models: Vec::new(),
             extents: false,
+            vehicle: VehicleConfig::default(),
             loss: LossWeights::default(),
         }
     }
@@ -323,6 +336,7 @@ impl NetConfig {
             },
             models: Vec::new(),
             extents: false,
+            vehicle: VehicleConfig::default(),
             loss: LossWeights::default(),
         }
     }
@@ -396,6 +410,12 @@ impl Default for PartConfig {
             others: OtherVehicles::Background,
             class_weights: Vec::new(),
         }
+    }
+}
+
+impl Default for VehicleConfig {
+    fn default() -> Self {
+        Self { channels: 64, width: 160 }
     }
 }
 

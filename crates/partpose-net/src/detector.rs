@@ -1,9 +1,11 @@
 //! From an image's pixels to detections in that image.
 
+use std::sync::Arc;
+
 use burn::Tensor;
 use burn::module::Module;
 use burn::tensor::{Device, TensorData};
-use partpose::detection::Detection;
+use partpose::detection::{DetectedSize, Detection, ModelProbabilities};
 use partpose::files::RgbImage;
 use partpose::geometry::{Extent, Rect};
 use partpose::parts::{PartProbabilities, ProbabilityError};
@@ -17,17 +19,8 @@ use crate::mask_rcnn::{MaskRcnn, RawDetection};
 pub struct Detector {
     net: MaskRcnn,
     device: Device,
-}
-
-/// A detected vehicle with what the optional heads say.
-#[derive(Clone, Debug, PartialEq)]
-pub struct VehicleDetection {
-    /// Box, score and part probabilities, in pixels of the original image.
-    pub detection: Detection,
-    /// Probability of each model of `NetConfig::models`.
-    pub models: Option<Vec<f32>>,
-    /// Width, height and length.
-    pub extent: Option<Extent>,
+    /// Names of the zoo models that it tells apart.
+    models: Arc<[String]>,
 }
 
 impl Detector {
@@ -35,16 +28,23 @@ impl Detector {
     pub fn new(net: &MaskRcnn) -> Self {
         let net = net.valid().fold();
         let device = net.rpn.conv.weight.val().device();
-        Self { net, device }
+        let models = net.config().models.clone().into();
+        Self { net, device, models }
     }
 
-    /// Vehicles in an image, best first. The error is a bug of the network: a value that is no probability.
-    pub fn detect(&self, image: &RgbImage) -> Result<Vec<VehicleDetection>, ProbabilityError> {
+    /// Vehicles in an image, best first, in pixels of the image; with model and size where the network has that head. The error is a bug of the network: a value that is no probability.
+    pub fn detect(&self, image: &RgbImage) -> Result<Vec<Detection>, ProbabilityError> {
         let config = self.net.config();
         let input = input::prepare(image, &config.input);
         let found = self.net.detect(to_tensor(&input, &self.device), input.size);
         let kernel = config.parts.kernel;
-        found.into_iter().map(|raw| in_image(raw, &input, image.size, kernel)).collect()
+        let in_image = |mut raw: RawDetection| {
+            let models = raw.models.take();
+            let models =
+                models.map(|values| ModelProbabilities { names: self.models.clone(), values });
+            Ok(Detection { models, ..in_image(raw, &input, image.size, kernel)? })
+        };
+        found.into_iter().map(in_image).collect()
     }
 
     /// How images enter.
@@ -64,15 +64,16 @@ fn in_image(
     input: &Input,
     size: [u32; 2],
     kernel: usize,
-) -> Result<VehicleDetection, ProbabilityError> {
+) -> Result<Detection, ProbabilityError> {
     let scale = [0, 1].map(|i| f64::from(size[i]) / input.size[i] as f64);
     let [x0, y0, x1, y1] = [0, 1, 2, 3].map(|i| f64::from(raw.corners[i]) * scale[i % 2] - 0.5);
-    let detection = Detection {
-        bounds: Rect::new(x0, y0, x1, y1),
-        score: f64::from(raw.score),
-        probabilities: PartProbabilities::new(kernel, raw.probabilities)?,
-        unknown: None,
-    };
-    let extent = raw.extents.map(|e| e.map(f64::from)).map(|[w, h, l]| Extent::new(w, h, l));
-    Ok(VehicleDetection { detection, models: raw.models, extent })
+    let probabilities = PartProbabilities::new(kernel, raw.probabilities)?;
+    let bounds = Rect::new(x0, y0, x1, y1);
+    let detection = Detection::new(bounds, f64::from(raw.score), probabilities);
+    let size = raw.extents.map(|likely| {
+        let [width, height, length] = likely.sides.map(f64::from);
+        let extent = Extent::new(width, height, length);
+        DetectedSize { extent, sigma: likely.deviations.map(f64::from) }
+    });
+    Ok(Detection { size, ..detection })
 }

@@ -16,7 +16,7 @@ pub struct Fpn {
     pub inner_blocks: Vec<(Conv, Option<Norm>)>,
     /// 3x3 convolutions after the sums, finest first.
     pub layer_blocks: Vec<(Conv, Option<Norm>)>,
-    extra: usize,
+    pub(crate) extra: usize,
 }
 
 impl Fpn {

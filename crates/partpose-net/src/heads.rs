@@ -1,4 +1,4 @@
-//! The heads that look at regions: vehicle or background, box, zoo model, extents, parts.
+//! The heads that look at regions: vehicle or background and box, parts.
 
 use burn::Tensor;
 use burn::module::{Module, Param};
@@ -10,7 +10,7 @@ use crate::ops::{self, ConvOptions};
 /// Channels of a mask: background and 29 parts.
 pub const CHANNELS: usize = partpose::parts::CHANNELS;
 
-/// Vehicle or background, the box, and what else is asked of a region.
+/// Vehicle or background, and the box.
 #[derive(Module, Debug)]
 pub struct BoxHead {
     /// First hidden layer (a pyramid's).
@@ -21,22 +21,13 @@ pub struct BoxHead {
     pub cls_score: Linear,
     /// The box relative to the region.
     pub bbox_pred: Linear,
-    /// Logits of the zoo models.
-    pub model: Option<Linear>,
-    /// Logarithms of the extents relative to [`TYPICAL_EXTENTS`].
-    pub extent: Option<Linear>,
 }
-
-/// Width, height and length that estimates are relative to, metres: about a family car's.
-pub const TYPICAL_EXTENTS: [f32; 3] = [1.8, 1.5, 4.3];
 
 /// What the box head says of regions, `[regions, ..]`.
 #[derive(Clone, Debug)]
 pub(crate) struct BoxOutput {
     pub(crate) classes: Tensor<2>,
     pub(crate) deltas: Tensor<2>,
-    pub(crate) models: Option<Tensor<2>>,
-    pub(crate) extents: Option<Tensor<2>>,
 }
 
 /// The part head.
@@ -48,8 +39,8 @@ pub struct PartHead {
     pub conv5_mask: Option<Doubling>,
     /// The output layer.
     pub mask_fcn_logits: Conv,
-    kernel: usize,
-    upscale_first: bool,
+    pub(crate) kernel: usize,
+    pub(crate) upscale_first: bool,
 }
 
 /// A transposed convolution of 2 x 2 with stride 2.
@@ -63,24 +54,16 @@ pub struct Doubling {
 
 impl BoxHead {
     /// `inputs`: values of a region; `hidden`: width of the hidden layers, if there are any.
-    pub(crate) fn init(
-        init: &mut Init<'_>,
-        config: &NetConfig,
-        inputs: usize,
-        hidden: Option<usize>,
-    ) -> Self {
+    pub(crate) fn init(init: &mut Init<'_>, inputs: usize, hidden: Option<usize>) -> Self {
         let deviation = |inputs: usize| (2.0 / inputs as f32).sqrt();
         let fc6 = hidden.map(|width| init.linear(inputs, width, deviation(inputs)));
         let fc7 = hidden.map(|width| init.linear(width, width, deviation(width)));
         let width = hidden.unwrap_or(inputs);
-        let models = config.models.len();
         Self {
             fc6,
             fc7,
             cls_score: init.linear(width, 2, 0.01),
             bbox_pred: init.linear(width, 4, 0.001),
-            model: (models > 0).then(|| init.linear(width, models, 0.01)),
-            extent: config.extents.then(|| init.linear(width, 3, 0.001)),
         }
     }
 
@@ -88,12 +71,9 @@ impl BoxHead {
     pub(crate) fn forward(&self, features: Tensor<2>) -> BoxOutput {
         let hidden = [&self.fc6, &self.fc7].into_iter().flatten();
         let x = hidden.fold(features, |x, layer| layer.forward(x, true));
-        let output = |layer: &Linear| layer.forward(x.clone(), false);
         BoxOutput {
-            classes: output(&self.cls_score),
-            deltas: output(&self.bbox_pred),
-            models: self.model.as_ref().map(output),
-            extents: self.extent.as_ref().map(output),
+            classes: self.cls_score.forward(x.clone(), false),
+            deltas: self.bbox_pred.forward(x, false),
         }
     }
 }
@@ -132,24 +112,38 @@ impl PartHead {
         Self { convs, conv5_mask, mask_fcn_logits, kernel: parts.kernel, upscale_first }
     }
 
-    /// `[regions, channels, cells, cells]` to logits `[regions, 30, m, m]`.
-    pub(crate) fn forward(&self, features: Tensor<4>, pass: Pass) -> Tensor<4> {
-        let size = [self.kernel; 2];
+    /// What its convolutions make of a region's features, `[regions, channels, cells, cells]`; with
+    /// [`PartUpscale::First`] the cells are the kernel's.
+    pub(crate) fn hidden(&self, features: Tensor<4>, pass: Pass) -> Tensor<4> {
         let mut x = features;
         if self.upscale_first {
-            x = ops::resize(x, size, true);
+            x = ops::resize(x, [self.kernel; 2], true);
         }
         for (conv, norm) in &self.convs {
             x = conv_norm((conv, norm.as_ref()), x, None, true, pass);
         }
+        x
+    }
+
+    /// What [`PartHead::hidden`] found to logits `[regions, 30, m, m]`.
+    pub(crate) fn logits(&self, hidden: Tensor<4>) -> Tensor<4> {
         if let Some(doubling) = &self.conv5_mask {
-            return doubling.forward(x, &self.mask_fcn_logits);
+            return doubling.forward(hidden, &self.mask_fcn_logits);
         }
-        let [_, _, cells, _] = x.dims();
-        if cells != self.kernel {
-            x = ops::resize(x, size, false);
-        }
+        let [_, _, cells, _] = hidden.dims();
+        let x = if cells == self.kernel {
+            hidden
+        } else {
+            ops::resize(hidden, [self.kernel; 2], false)
+        };
         self.mask_fcn_logits.forward(x, None, false)
+    }
+
+    /// Channels and cells of [`PartHead::hidden`] for those of a region's features.
+    pub(crate) fn hidden_shape(config: &NetConfig, channels: usize, cells: usize) -> [usize; 2] {
+        let parts = &config.parts;
+        let channels = if parts.convs > 0 { parts.channels } else { channels };
+        [channels, if parts.upscale == PartUpscale::First { parts.kernel } else { cells }]
     }
 
     pub(crate) fn fold(self) -> Self {

@@ -20,12 +20,23 @@ pub struct Input {
 pub fn prepare(image: &RgbImage, config: &InputConfig) -> Input {
     let size = scaled_size(image.size, config);
     let padded = size.map(|side| side.max(1).next_multiple_of(MaskRcnn::SIDE_STEP));
+    let values = scaled(image, (size, padded), (config.mean, config.deviation));
+    Input { values, size, padded }
+}
+
+/// `[3, height, width]` of an image that is scaled bilinearly to `size`, less `mean`, divided by `deviation`; zero between
+/// `size` and `padded`, width and height both.
+pub fn scaled(
+    image: &RgbImage,
+    (size, padded): ([usize; 2], [usize; 2]),
+    (mean, deviation): ([f32; 3], [f32; 3]),
+) -> Vec<f32> {
     let original = image.size.map(|side| side as usize);
     let mut values = vec![0.0; 3 * padded[0] * padded[1]];
     let axes = [0, 1].map(|i| axis(original[i], size[i]));
     let area = padded[0] * padded[1];
     let [columns, rows] = &axes;
-    let offsets = [0, 1, 2].map(|c| (config.mean[c], 1.0 / config.deviation[c]));
+    let offsets = [0, 1, 2].map(|c| (mean[c], 1.0 / deviation[c]));
     let row_of = |y: usize| &image.pixels[3 * y * original[0]..][..3 * original[0]];
     for (y, (top, bottom, down)) in rows.iter().enumerate() {
         let [upper, lower] = [row_of(*top), row_of(*bottom)];
@@ -42,7 +53,7 @@ pub fn prepare(image: &RgbImage, config: &InputConfig) -> Input {
             }
         }
     }
-    Input { values, size, padded }
+    values
 }
 
 /// Width and height that an image is scaled to.

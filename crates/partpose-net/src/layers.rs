@@ -34,9 +34,9 @@ pub struct Conv {
     pub weight: Param<Tensor<4>>,
     /// `[out_channels]`.
     pub bias: Option<Param<Tensor<1>>>,
-    stride: usize,
-    padding: usize,
-    dilation: usize,
+    pub(crate) stride: usize,
+    pub(crate) padding: usize,
+    pub(crate) dilation: usize,
 }
 
 /// Sizes of a convolution's parameters and steps; sizes are kept but for the stride.

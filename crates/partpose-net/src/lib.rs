@@ -16,6 +16,7 @@ pub mod layers;
 pub mod loader;
 pub mod loss;
 pub mod mask_rcnn;
+pub mod onnx;
 pub mod ops;
 pub mod optimizer;
 pub mod resnet;
@@ -27,6 +28,7 @@ pub mod target;
 pub mod train;
 pub mod training;
 pub mod validation;
+pub mod vehicle_head;
 pub mod weights;
 
 mod second_stage;
@@ -34,6 +36,6 @@ mod second_stage;
 mod torchvision;
 
 pub use config::NetConfig;
-pub use detector::{Detector, VehicleDetection};
-pub use mask_rcnn::{Losses, MaskRcnn, RawDetection};
+pub use detector::Detector;
+pub use mask_rcnn::{LikelyExtents, Losses, MaskRcnn, RawDetection};
 pub use target::Target;

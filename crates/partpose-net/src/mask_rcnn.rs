@@ -12,7 +12,7 @@ use crate::anchors::{LevelAnchors, kinds_of_cell};
 use crate::boxes::{Corners, clipped, decode, suppress};
 use crate::config::{LossWeights, Neck, NetConfig, RegionKind};
 use crate::fpn::Fpn;
-use crate::heads::{BoxHead, CHANNELS, PartHead, TYPICAL_EXTENTS};
+use crate::heads::{BoxHead, CHANNELS, PartHead};
 use crate::layers::{Init, Pass, to_host};
 use crate::loss::soft_max;
 use crate::ops;
@@ -21,6 +21,7 @@ use crate::resnet::{ResNet, StageStep, run_stage};
 use crate::rpn::{self, RpnHead};
 use crate::second_stage as second;
 use crate::target::Target;
+use crate::vehicle_head::VehicleHead;
 
 /// A network. Names and layouts of the backbone's parameters are torchvision's.
 #[derive(Module, Debug)]
@@ -35,6 +36,8 @@ pub struct MaskRcnn {
     pub box_head: BoxHead,
     /// Part masks.
     pub part_head: PartHead,
+    /// Zoo model and size, where the configuration asks for one of them.
+    pub vehicle_head: Option<VehicleHead>,
     #[module(skip)]
     config: NetConfig,
 }
@@ -58,6 +61,15 @@ pub struct Losses {
     pub extent: Option<Tensor<1>>,
 }
 
+/// Width, height and length, and how far they may be off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LikelyExtents {
+    /// Metres.
+    pub sides: [f32; 3],
+    /// Standard deviations of their logarithms.
+    pub deviations: [f32; 3],
+}
+
 /// One detection in pixels of the network's input.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RawDetection {
@@ -69,8 +81,8 @@ pub struct RawDetection {
     pub probabilities: Vec<f32>,
     /// Probability of each zoo model, where the network has that head.
     pub models: Option<Vec<f32>>,
-    /// Width, height and length in metres, where the network has that head.
-    pub extents: Option<[f32; 3]>,
+    /// Width, height and length, where the network has that head.
+    pub extents: Option<LikelyExtents>,
 }
 
 impl NetConfig {
@@ -103,10 +115,13 @@ impl NetConfig {
         let kinds = kinds_of_cell(&self.anchors, self.strides().len());
         let rpn = RpnHead::init(init, channels, self.rpn.channels, kinds);
         let values = if hidden.is_some() { region * self.regions.box_cells.pow(2) } else { region };
-        let box_head = BoxHead::init(init, self, values, hidden);
+        let box_head = BoxHead::init(init, values, hidden);
         let cells = if hidden.is_some() { self.regions.part_cells } else { self.regions.box_cells };
         let part_head = PartHead::init(init, self, region, cells);
-        MaskRcnn { backbone, fpn, rpn, box_head, part_head, config: self.clone() }
+        let asked = !self.models.is_empty() || self.extents;
+        let hidden = PartHead::hidden_shape(self, region, cells);
+        let vehicle_head = asked.then(|| VehicleHead::init(init, self, hidden));
+        MaskRcnn { backbone, fpn, rpn, box_head, part_head, vehicle_head, config: self.clone() }
     }
 
     /// Pixels of the input a cell of each feature map, finest first.
@@ -153,26 +168,29 @@ impl MaskRcnn {
             .collect();
         let samples = second::choose_samples(proposals, targets, &config.boxes, rng);
         let zero = || Tensor::zeros([1], &device);
+        let [model, extent] = [None, None];
         if samples.is_empty() {
             let [class, boxes, mask] = [zero(), zero(), zero()];
-            let [model, extent] = [None, None];
             return Losses { rpn_objectness, rpn_box, class, boxes, mask, model, extent };
         }
         let regions = samples.iter().map(|sample| (sample.image, sample.corners)).collect();
         let features = self.box_features(&maps, regions, Pass::Training);
         let output = self.box_head.forward(features);
         let [class, boxes] = second::box_losses(&output, &samples, targets, &config.boxes);
-        let model = output.models.map(|logits| second::model_loss(&logits, &samples, targets));
-        let extent = output.extents.map(|values| second::extent_loss(&values, &samples, targets));
         let chosen = second::choose_masks(&samples, config.parts.samples, rng);
-        let mask = if chosen.is_empty() {
-            zero()
-        } else {
-            let regions = chosen.iter().map(|sample| (sample.image, sample.corners)).collect();
-            let features = self.part_features(&maps, regions, Pass::Training);
-            let logits = self.part_head.forward(features, Pass::Training);
-            second::mask_loss(&logits, &chosen, targets, &config.parts)
+        if chosen.is_empty() {
+            let mask = zero();
+            return Losses { rpn_objectness, rpn_box, class, boxes, mask, model, extent };
+        }
+        let regions = chosen.iter().map(|sample| (sample.image, sample.corners)).collect();
+        let features = self.part_features(&maps, regions, Pass::Training);
+        let hidden = self.part_head.hidden(features, Pass::Training);
+        let [model, extent] = match &self.vehicle_head {
+            Some(head) => head.losses(hidden.clone(), &chosen, targets),
+            None => [None, None],
         };
+        let logits = self.part_head.logits(hidden);
+        let mask = second::mask_loss(&logits, &chosen, targets, &config.parts);
         Losses { rpn_objectness, rpn_box, class, boxes, mask, model, extent }
     }
 
@@ -192,7 +210,11 @@ impl MaskRcnn {
         }
         let regions = found.iter().map(|detection| (0, detection.corners)).collect();
         let features = self.part_features(&maps, regions, Pass::Inference);
-        let logits = to_host(self.part_head.forward(features, Pass::Inference));
+        let hidden = self.part_head.hidden(features, Pass::Inference);
+        if let Some(head) = &self.vehicle_head {
+            head.describe(hidden.clone(), &mut found);
+        }
+        let logits = to_host(self.part_head.logits(hidden));
         let masks = logits.chunks(CHANNELS * config.parts.kernel * config.parts.kernel);
         for (detection, logits) in found.iter_mut().zip(masks) {
             detection.probabilities = channel_soft_max(logits);
@@ -310,8 +332,6 @@ impl MaskRcnn {
         let regions = proposals.iter().map(|corners| (0, *corners)).collect();
         let output = self.box_head.forward(self.box_features(maps, regions, Pass::Inference));
         let [classes, deltas] = [to_host(output.classes), to_host(output.deltas)];
-        let models = output.models.map(|logits| (logits.dims()[1], to_host(logits)));
-        let extents = output.extents.map(to_host);
         let mut found = Vec::new();
         for (i, proposal) in proposals.iter().enumerate() {
             let mut scores = [classes[2 * i], classes[2 * i + 1]];
@@ -323,16 +343,9 @@ impl MaskRcnn {
             if !(scores[1] >= config.score_threshold && x1 - x0 >= 1.0 && y1 - y0 >= 1.0) {
                 continue;
             }
-            let models = models.as_ref().map(|(count, logits)| {
-                let mut values = logits[i * count..][..*count].to_vec();
-                soft_max(&mut values);
-                values
-            });
-            let extents = extents.as_ref().map(|values| {
-                [0, 1, 2].map(|k| values[3 * i + k].clamp(-2.0, 2.0).exp() * TYPICAL_EXTENTS[k])
-            });
-            let probabilities = Vec::new();
-            found.push(RawDetection { corners, score: scores[1], probabilities, models, extents });
+            let (score, probabilities) = (scores[1], Vec::new());
+            let (models, extents) = (None, None);
+            found.push(RawDetection { corners, score, probabilities, models, extents });
         }
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
         let corners: Vec<Corners> = found.iter().map(|detection| detection.corners).collect();

@@ -17,7 +17,7 @@ use crate::sampling::{Match, MatchOptions, match_boxes, sample};
 use crate::target::Target;
 
 /// Sides below which a proposal is none, pixels.
-const LEAST_SIDE: f32 = 2.0;
+pub(crate) const LEAST_SIDE: f32 = 2.0;
 
 /// The head that looks at every cell of every map.
 #[derive(Module, Debug)]

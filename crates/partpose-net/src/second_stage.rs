@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::boxes::{Corners, encode};
 use crate::config::{BoxConfig, NetConfig, OtherVehicles, PartConfig};
-use crate::heads::{BoxOutput, CHANNELS, TYPICAL_EXTENTS};
+use crate::heads::{BoxOutput, CHANNELS};
 use crate::layers::to_host;
 use crate::loss::{cross_entropy, smooth_l1};
 use crate::ops::attach;
@@ -86,49 +86,6 @@ pub(crate) fn box_losses(
         attach(class, std::slice::from_ref(&output.classes), vec![of_classes]),
         attach(boxes, std::slice::from_ref(&output.deltas), vec![of_deltas]),
     ]
-}
-
-/// Loss of the zoo model: mean over the vehicles whose model is known.
-pub(crate) fn model_loss(logits: &Tensor<2>, samples: &[Sample], targets: &[Target]) -> Tensor<1> {
-    let [_, models] = logits.dims();
-    let truth_of = |sample: &Sample| -> Option<usize> {
-        let model = *targets[sample.image].models.get(sample.vehicle?)?;
-        model.filter(|model| *model < models)
-    };
-    let known = samples.iter().filter_map(truth_of).count();
-    let mut values = to_host(logits.clone());
-    let mut loss = 0.0;
-    for (sample, logits) in samples.iter().zip(values.chunks_mut(models)) {
-        match truth_of(sample) {
-            Some(truth) => loss += cross_entropy(logits, truth, 1.0 / known as f32),
-            None => logits.fill(0.0),
-        }
-    }
-    attach(loss, std::slice::from_ref(logits), vec![values])
-}
-
-/// Loss of the extents: mean over the vehicles whose extents are known of the errors of their logarithms.
-pub(crate) fn extent_loss(
-    estimates: &Tensor<2>,
-    samples: &[Sample],
-    targets: &[Target],
-) -> Tensor<1> {
-    let truth_of = |sample: &Sample| targets[sample.image].extents.get(sample.vehicle?).copied();
-    let known = samples.iter().filter_map(truth_of).count().max(1);
-    let mut values = to_host(estimates.clone());
-    let mut total = 0.0;
-    for (sample, values) in samples.iter().zip(values.chunks_mut(3)) {
-        let truth = truth_of(sample);
-        for (k, value) in values.iter_mut().enumerate() {
-            let (loss, slope) = truth.map_or((0.0, 0.0), |truth| {
-                // Ten per cent of an extent cost about as much as a wrong class of a tenth.
-                smooth_l1(10.0 * (*value - (truth[k] / TYPICAL_EXTENTS[k]).ln()))
-            });
-            total += loss / known as f32;
-            *value = 10.0 * slope / known as f32;
-        }
-    }
-    attach(total, std::slice::from_ref(estimates), vec![values])
 }
 
 /// Loss of the part masks: mean over cells with weight of the soft-max cross-entropy over 30 channels.

@@ -177,7 +177,8 @@ fn part_predictors_agree() {
     fill.weight(&mut doubling.weight);
     fill.bias(&mut doubling.bias);
     fill.conv(&mut head.mask_fcn_logits);
-    let logits = head.forward(tensor([2, 8, 5, 5], 1000, &device), Pass::Inference);
+    let hidden = head.hidden(tensor([2, 8, 5, 5], 1000, &device), Pass::Inference);
+    let logits = head.logits(hidden);
     check("parts", &some(&to_host(logits)), &fixtures().part_predictor);
 }
 

@@ -57,7 +57,6 @@ pub fn validate(
             .map_err(|source| ValidationError::Output { frame: sample.name.clone(), source })?;
         let own = |i: usize| Some(item.frame.vehicles[i].bounds);
         let (truths, vehicles) = TruthBoxes::of_frame(&item.frame, &own);
-        let found: Vec<_> = found.into_iter().map(|vehicle| vehicle.detection).collect();
         let pairs = found.iter().map(|detection| (detection.bounds, detection.score)).collect();
         let frame = BoxFrame::new(pairs, truths, &options);
         for (detection, verdict) in found.iter().zip(&frame.verdicts) {

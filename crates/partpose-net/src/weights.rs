@@ -17,7 +17,7 @@ use crate::config::NetConfig;
 use crate::mask_rcnn::MaskRcnn;
 
 /// Key of the configuration in the metadata.
-const CONFIG_KEY: &str = "partpose.net";
+pub(crate) const CONFIG_KEY: &str = "partpose.net";
 
 /// Why weights could not be read or do not fit.
 #[derive(Debug, thiserror::Error)]

@@ -81,21 +81,29 @@ pub(crate) fn read(
                 "`scores`: that of detection {index} is {score}, but 0 to 1 is needed"
             )));
         }
-        let values: Vec<f32> = view.index_axis(Axis(0), index).iter().copied().collect();
+        let kernel = view.index_axis(Axis(0), index);
+        let slices = || kernel.iter().copied().collect();
+        let values: Vec<f32> = kernel.as_slice().map_or_else(slices, <[f32]>::to_vec);
         check_sums(index, &values, m)?;
         let probabilities = PartProbabilities::new(m, values).map_err(|error| {
             let said = format!("`part_probabilities`: detection {index}: {error}");
             PyValueError::new_err(said)
         })?;
-        Ok(Detection { bounds, score, probabilities, unknown: None })
+        Ok(Detection::new(bounds, score, probabilities))
     };
     bounds.into_iter().enumerate().map(one).collect()
 }
 
 /// Sigmoids and logits look like probabilities one by one; their sums tell.
 fn check_sums(index: usize, values: &[f32], m: usize) -> PyResult<()> {
-    let sum: f32 = values.iter().sum();
-    let mean = sum / (m * m) as f32;
+    // Sums that do not wait for each other.
+    let mut sums = [0.0f32; 16];
+    for chunk in values.chunks(sums.len()) {
+        for (sum, value) in sums.iter_mut().zip(chunk) {
+            *sum += value;
+        }
+    }
+    let mean = sums.iter().sum::<f32>() / (m * m) as f32;
     // Values that are no numbers are named one by one.
     if mean.is_nan() || (mean - 1.0).abs() <= SUM_TOLERANCE {
         return Ok(());
@@ -169,7 +177,11 @@ pub(crate) fn read_detections(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'
     let read = guard::run(py, || partpose::formats::read_detections(&path))?;
     let file = read.map_err(|error| guard::error(&error))?;
     let detections: Vec<&Detection> = file.detections.iter().map(|(_, one)| one).collect();
-    let found = as_arrays(py, &detections, file.extents.as_deref())?;
+    // Sizes are told where all have them.
+    let extents: Option<Vec<Extent>> =
+        detections.iter().map(|one| Some(one.size?.extent)).collect();
+    let extents = extents.filter(|extents| !extents.is_empty());
+    let found = as_arrays(py, &detections, extents.as_deref())?;
     found.set_item("images", &file.images)?;
     let image: Vec<i64> = file.detections.iter().map(|(image, _)| *image as i64).collect();
     found.set_item("image", image.into_pyarray(py))?;

@@ -59,11 +59,11 @@ impl Detector {
         let image = arrays::rgb("image", image)?;
         let found = guard::run(py, || self.inner.detect(&image))?;
         let mut found = found.map_err(|error| guard::error(&error))?;
-        found.retain(|one| one.detection.score >= min_score);
+        found.retain(|one| one.score >= min_score);
         // Sizes are told where all have them.
-        let extents: Option<Vec<Extent>> = found.iter().map(|one| one.extent).collect();
+        let extents: Option<Vec<Extent>> = found.iter().map(|one| Some(one.size?.extent)).collect();
         let extents = extents.filter(|extents| !extents.is_empty());
-        let detections: Vec<&Detection> = found.iter().map(|one| &one.detection).collect();
+        let detections: Vec<&Detection> = found.iter().collect();
         detections::as_arrays(py, &detections, extents.as_deref())
     }
 

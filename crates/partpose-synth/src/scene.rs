@@ -24,6 +24,9 @@ pub struct Scene {
     pub world_from_camera: Pose,
     /// How far it moves and turns while the shutter is open: the pose at the end of the exposure.
     pub world_from_camera_after: Pose,
+    /// The same for vehicles: where each is at the end of the exposure, by [`Object::instance`] - 1. Empty where nothing
+    /// but the camera moves.
+    pub world_from_vehicles_after: Vec<Pose>,
 }
 
 /// A mesh in its place.
@@ -71,8 +74,19 @@ pub struct SurfaceMesh {
     /// It is the model's own, so that labels made from poses and models equal these to the bit; the surface may only
     /// differ from it by what fits inside.
     pub labels: Option<Arc<Mesh>>,
-    /// The same surface with fewer faces, of which only vertices, faces, materials and parts count; for far shadows.
+    /// The same surface with fewer faces, for where it is far away and for shadows that fall there; it may have a still
+    /// coarser one for twice that distance.
     pub coarse: Option<Arc<SurfaceMesh>>,
+}
+
+impl SurfaceMesh {
+    /// The form for a distance, in units of that from which on fewer faces do.
+    pub(crate) fn for_level(&self, distance: f64) -> &Self {
+        match &self.coarse {
+            Some(coarse) if distance > 1.0 => coarse.for_level(0.5 * distance),
+            _ => self,
+        }
+    }
 }
 
 /// What runs along an edge of a face.

@@ -191,6 +191,7 @@ impl World {
         };
         candidates.retain(|candidate| near(candidate, &world_from_camera));
         let mut vehicles = Vec::new();
+        let mut world_from_vehicles_after = Vec::new();
         let dim = variation.is_dim();
         for candidate in candidates {
             match candidate {
@@ -205,6 +206,8 @@ impl World {
                     let instance = vehicles.len() as u16 + 1;
                     objects.push(self.fleet.object(&vehicle, pose, lamps, instance));
                     vehicles.push(self.placed(&vehicle, track, pose, place.moving));
+                    let way = Translation3::new(0.0, 0.0, place.speed * EXPOSURE);
+                    world_from_vehicles_after.push(pose * way);
                 }
                 Candidate::Other(object) => objects.push(object),
             }
@@ -220,6 +223,7 @@ impl World {
             camera: self.camera.camera,
             world_from_camera,
             world_from_camera_after: after,
+            world_from_vehicles_after,
         };
         Moment { scene, vehicles }
     }

@@ -105,6 +105,7 @@ fn scene(objects: Vec<Object>) -> Scene {
         camera: CAMERA,
         world_from_camera: Pose::identity(),
         world_from_camera_after: Pose::translation(0.0, 0.0, 0.2),
+        world_from_vehicles_after: Vec::new(),
     }
 }
 
@@ -293,17 +294,22 @@ fn an_effect_that_is_switched_on_leaves_the_others_as_they_were() {
 }
 
 #[test]
-fn far_shadows_come_from_a_body_as_large_as_the_near_one() {
+fn far_vehicles_and_shadows_come_from_a_body_as_large_as_the_near_one() {
     for kind in kinds() {
-        let coarse = kind.surface.coarse.as_ref().unwrap();
         let size = |mesh: &SurfaceMesh| {
             let corners = mesh.faces.iter().flatten().map(|i| mesh.vertices[*i as usize].coords);
             let first = (Vector3::repeat(f32::MAX), Vector3::repeat(f32::MIN));
             let (low, high) = corners.fold(first, |(low, high), p| (low.inf(&p), high.sup(&p)));
             high - low
         };
-        let difference = (size(coarse) - size(&kind.surface)).amax();
-        assert!(difference < 0.15, "{}: {difference} m", kind.name);
-        assert!(coarse.faces.len() < kind.surface.faces.len() / 2, "{}", kind.name);
+        let near = kind.surface.coarse.as_ref().unwrap();
+        let far = near.coarse.as_ref().unwrap();
+        for (coarse, share) in [(near, 0.9), (far, 0.5)] {
+            let difference = (size(coarse) - size(&kind.surface)).amax();
+            assert!(difference < 0.15, "{}: {difference} m", kind.name);
+            let share = share * kind.surface.faces.len() as f64;
+            assert!((coarse.faces.len() as f64) < share, "{}", kind.name);
+            assert_eq!(coarse.vertices.len(), coarse.normals.len());
+        }
     }
 }

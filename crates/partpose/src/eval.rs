@@ -15,6 +15,7 @@ pub mod uncertainty;
 
 mod input;
 mod mask_bias;
+mod part_states;
 mod poses;
 pub mod ranking;
 mod run;
@@ -24,6 +25,7 @@ mod tables;
 
 pub use input::{InputError, files_with_ending};
 pub use mask_bias::measure_mask_bias;
+pub use part_states::part_table;
 pub use poses::{PoseDeviation, PoseScores, Scored, pose_deviation, summarize};
 pub use run::{
     Configuration, EvaluationOptions, FrameOutcome, Progress, TruthExtent, VehicleOutcome,

@@ -3,14 +3,18 @@
 //! With them the pose stage is built and measured before, and apart from, any network (Tables III to V).
 
 mod degrade;
+mod heads;
 mod kernel;
 mod owners;
 
 pub use degrade::{Degradation, strength_for_accuracy};
+pub use heads::HeadErrors;
+
+use std::sync::Arc;
 
 use crate::dataset::Frame;
 use crate::detection::Detection;
-use crate::geometry::Rect;
+use crate::geometry::{Extent, Rect};
 use crate::parts::{BACKGROUND, PartMask};
 use crate::vehicle::ModelZoo;
 
@@ -42,11 +46,18 @@ pub struct OracleOptions {
     pub bounds: OracleBox,
     /// How the detections err; `None` for perfect ones.
     pub degradation: Option<Degradation>,
+    /// What the detections say of sizes and models; nothing unless asked for.
+    pub heads: HeadErrors,
 }
 
 impl Default for OracleOptions {
     fn default() -> Self {
-        Self { kernel: 28, bounds: OracleBox::Annotated, degradation: None }
+        Self {
+            kernel: 28,
+            bounds: OracleBox::Annotated,
+            degradation: None,
+            heads: HeadErrors::default(),
+        }
     }
 }
 
@@ -57,6 +68,10 @@ pub struct Oracle {
     /// One value a pixel: 0 for background, else 1 + the index of the vehicle that is seen there.
     owners: Vec<u16>,
     bounds: Vec<Rect>,
+    extents: Vec<Extent>,
+    /// Places of the vehicles' models in the zoo.
+    models: Vec<Option<usize>>,
+    names: Arc<[String]>,
     /// Distinguishes the frame where errors are drawn.
     frame_seed: u64,
 }
@@ -69,7 +84,17 @@ impl Oracle {
         let owners = owners::assign(frame, &parts, zoo);
         let bounds = frame.vehicles.iter().map(|vehicle| vehicle.bounds).collect();
         let name = format!("{}/{}", frame.sequence, frame.index);
-        Self { parts, owners, bounds, frame_seed: degrade::hash(name.as_bytes()) }
+        let place = |name: &str| zoo.models.iter().position(|model| model.name() == name);
+        let models = frame.vehicles.iter().map(|v| v.model.as_deref().and_then(place));
+        Self {
+            parts,
+            owners,
+            bounds,
+            extents: frame.vehicles.iter().map(|vehicle| vehicle.cuboid.extent).collect(),
+            models: models.collect(),
+            names: zoo.models.iter().map(|model| model.name().to_owned()).collect(),
+            frame_seed: degrade::hash(name.as_bytes()),
+        }
     }
 
     /// The owner of each pixel, row by row: 0 for background, else 1 + the index of the vehicle.
@@ -129,16 +154,20 @@ impl Oracle {
             return None;
         }
         let id = vehicle as u16 + 1;
-        Some(match &options.degradation {
+        let seed = degrade::mix(self.frame_seed, u64::from(id));
+        let seen = match &options.degradation {
             None => {
                 let kernel =
                     kernel::fractions(&self.parts, &self.owners, id, &bounds, options.kernel);
                 kernel.into_detection(bounds)
             }
             Some(degradation) => {
-                let seed = degrade::mix(self.frame_seed, u64::from(id));
                 degrade::detection(self, id, &bounds, options.kernel, degradation, seed)
             }
-        })
+        };
+        let size = options.heads.size(&self.extents[vehicle], seed);
+        let models = self.models[vehicle];
+        let models = models.and_then(|own| options.heads.models(own, &self.names, seed));
+        Some(Detection { size, models, ..seen })
     }
 }

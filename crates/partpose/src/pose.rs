@@ -12,6 +12,7 @@ mod filters;
 mod fit;
 pub mod ground;
 mod observed;
+mod ranking;
 mod reasons;
 pub mod scene;
 mod visible;
@@ -23,4 +24,5 @@ pub use estimator::{
 };
 pub use filters::{DEFAULT_SMALL_PART, PartFilters};
 pub use observed::{PartState, PartVerdict};
+pub use ranking::Ranking;
 pub use reasons::{Reason, ReasonCode, reasons};

@@ -14,7 +14,7 @@ use crate::report::hint;
 /// What files of detections end in.
 pub(crate) const ENDING: &str = "safetensors";
 
-/// The detections of a file, or of all files of a folder as if they were one; sizes are kept if all files have them.
+/// The detections of a file, or of all files of a folder as if they were one.
 pub(crate) fn read(path: &Path) -> anyhow::Result<DetectionFile> {
     if !path.is_dir() {
         return read_one(path);
@@ -26,25 +26,12 @@ pub(crate) fn read(path: &Path) -> anyhow::Result<DetectionFile> {
             "`partpose run` writes detections into the folder `detections` of its output",
         ));
     }
-    let mut all =
-        DetectionFile { images: Vec::new(), detections: Vec::new(), extents: Some(Vec::new()) };
+    let mut all = DetectionFile { images: Vec::new(), detections: Vec::new() };
     for path in paths {
         let file = read_one(&path)?;
         let first = all.images.len();
-        // A file without detections has no sizes to lack.
-        all.extents = match (all.extents, file.extents) {
-            (Some(mut all), Some(more)) => {
-                all.extend(more);
-                Some(all)
-            }
-            (all, None) if file.detections.is_empty() => all,
-            _ => None,
-        };
         all.images.extend(file.images);
         all.detections.extend(file.detections.into_iter().map(|(i, found)| (first + i, found)));
-    }
-    if all.detections.is_empty() {
-        all.extents = None;
     }
     Ok(all)
 }
@@ -207,16 +194,13 @@ mod tests {
     fn file(images: &[&str]) -> DetectionFile {
         let mut values = vec![0.0; CHANNELS];
         values[0] = 1.0;
-        let found = |score: usize| Detection {
-            bounds: Rect::new(0.0, 0.0, 5.0, 5.0),
-            score: score as f64 / 16.0,
-            probabilities: PartProbabilities::new(1, values.clone()).unwrap(),
-            unknown: None,
+        let found = |score: usize| {
+            let probabilities = PartProbabilities::new(1, values.clone()).unwrap();
+            Detection::new(Rect::new(0.0, 0.0, 5.0, 5.0), score as f64 / 16.0, probabilities)
         };
         DetectionFile {
             images: images.iter().map(|name| (*name).to_owned()).collect(),
             detections: (0..images.len()).map(|index| (index, found(index))).collect(),
-            extents: None,
         }
     }
 
@@ -263,7 +247,7 @@ mod tests {
         let all = read(folder.path()).unwrap();
         assert_eq!(all.images, ["x.png", "y.png", "z.png"]);
         let images: Vec<usize> = all.detections.iter().map(|(image, _)| *image).collect();
-        assert_eq!((images, all.extents), (vec![0, 1, 2], None));
+        assert_eq!(images, [0, 1, 2]);
         assert!(read(tempfile::tempdir().unwrap().path()).is_err());
     }
 }

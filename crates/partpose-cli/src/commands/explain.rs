@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use partpose::dataset::{Dataset, Frame};
-use partpose::detection::Detection;
+use partpose::detection::{DetectedSize, Detection};
 use partpose::eval::model_names::ModelNames;
 use partpose::eval::{Configuration, EvaluationOptions, TruthExtent, calibrate};
 use partpose::files::{self, RgbImage};
 use partpose::formats::{DetectionFile, read_detections};
 use partpose::geometry::{Camera, Cuboid};
-use partpose::oracle::{Degradation, Oracle, OracleBox, OracleOptions};
+use partpose::oracle::{Degradation, HeadErrors, Oracle, OracleBox, OracleOptions};
 use partpose::pose::dense::DenseOptions;
 use partpose::pose::{PnpMethod, PoseEstimator, PoseOptions};
 use partpose::vehicle::ModelZoo;
@@ -93,7 +93,6 @@ struct Case {
     /// Place in the list of images.
     image: usize,
     detection: Detection,
-    extent: Option<partpose::geometry::Extent>,
     truth: Option<Cuboid>,
     /// What else the title says.
     about: String,
@@ -130,7 +129,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     files::create_folder(&arguments.out)?;
     let bar = progress::bar("vehicles", drawn as u64);
     for case in cases.iter().take(drawn) {
-        let extent = arguments.extent.source(case.extent);
+        let extent = arguments.extent.source(case.detection.size.as_ref());
         let mut outcome = estimator.estimate(&case.camera, &case.detection, &extent);
         if let Ok(estimate) = &mut outcome {
             estimator.observe(&case.camera, &case.detection, estimate);
@@ -171,7 +170,7 @@ fn of_detections(arguments: &Arguments, path: &std::path::Path) -> anyhow::Resul
     let images = file.images.iter().map(read).collect();
     let mut counts = vec![0usize; stems.len()];
     let mut cases = Vec::new();
-    for (index, (image, detection)) in file.detections.into_iter().enumerate() {
+    for (image, detection) in file.detections {
         counts[image] += 1;
         cases.push(Case {
             name: format!("{}-{}", stems[image], counts[image]),
@@ -179,7 +178,6 @@ fn of_detections(arguments: &Arguments, path: &std::path::Path) -> anyhow::Resul
             image,
             about: format!(", score {:.2}", detection.score),
             detection,
-            extent: file.extents.as_ref().map(|extents| extents[index]),
             truth: None,
         });
     }
@@ -223,14 +221,14 @@ fn of_dataset(
         let options =
             OracleOptions { kernel: arguments.kernel as usize, degradation, ..Default::default() };
         for (vehicle, label) in frame.vehicles.iter().enumerate().filter(|(_, v)| !v.dont_care) {
-            let Some(detection) = oracle.detection(vehicle, &options) else { continue };
+            let Some(mut detection) = oracle.detection(vehicle, &options) else { continue };
+            detection.size = Some(DetectedSize::exact(label.cuboid.extent));
             let model = label.model.as_deref().unwrap_or("unknown model");
             cases.push(Case {
                 name: format!("{}-{}", frame.name(), vehicle + 1),
                 camera: frame.camera,
                 image: index,
                 detection,
-                extent: Some(label.cuboid.extent),
                 truth: Some(label.cuboid),
                 about: format!(", in truth a {model}"),
             });
@@ -254,10 +252,12 @@ fn strength(
         zoo,
         extent: TruthExtent::PerAxis,
         bounds: OracleBox::Annotated,
+        heads: HeadErrors::default(),
         include: &|_, _| true,
         right_models: &right,
         keep_detections: &|_, _| false,
         scene: None,
+        observe: false,
     };
     let configuration = Configuration {
         name: String::new(),

@@ -1,9 +1,11 @@
-//! `partpose export`: results in other programs' formats, and other programs' results in ours.
+//! `partpose export`: results in other programs' formats, and other programs' results in ours; the network as an ONNX
+//! model.
 
 #[cfg(feature = "mcap")]
 mod mcap;
 #[cfg(feature = "parquet")]
 mod parquet;
+mod network;
 mod read;
 pub(crate) mod scene;
 
@@ -28,20 +30,24 @@ use crate::commands::result_files;
 use crate::report::{Outcome, hint, note};
 
 #[derive(clap::Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 #[command(after_help = "Examples:
   partpose export --results out/fit --to kitti --out out/kitti
+  partpose export onnx --out network.onnx
   partpose export --results out/fit --to coco --coco-ids instances.json --out out/coco
   partpose export --from kitti --results label_2 --camera camera.toml --to results --out out/labels")]
 pub(crate) struct Arguments {
+    #[command(subcommand)]
+    network: Option<NetworkCommand>,
     /// Results to read: a file, or a folder of them
-    #[arg(long, value_name = "FILE")]
-    results: PathBuf,
+    #[arg(long, value_name = "FILE", required = true)]
+    results: Option<PathBuf>,
     /// Format to read
     #[arg(long, value_enum, default_value = "results")]
     from: read::Source,
     /// Format to write
-    #[arg(long, value_enum)]
-    to: Format,
+    #[arg(long, value_enum, required = true)]
+    to: Option<Format>,
     /// The camera of all images, where the format to read has none
     #[arg(long, value_name = "FILE")]
     camera: Option<PathBuf>,
@@ -62,8 +68,14 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = crate::commands::tracking::parse_rate)]
     fps: f64,
     /// Folder to write to
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(long, value_name = "DIR", required = true)]
+    out: Option<PathBuf>,
+}
+
+#[derive(clap::Subcommand)]
+enum NetworkCommand {
+    /// Write the network as an ONNX model, for other runtimes
+    Onnx(network::Arguments),
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -91,17 +103,31 @@ enum Format {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    match (&arguments.network, &arguments.results, arguments.to, &arguments.out) {
+        (Some(NetworkCommand::Onnx(network)), ..) => network::run(network),
+        (None, Some(results), Some(to), Some(out)) => export_results(arguments, (results, to), out),
+        // The parser asks for all three where there is no subcommand.
+        _ => Err(hint(
+            anyhow::anyhow!("nothing to export was named"),
+            "give `--results`, `--to` and `--out`, or say `export onnx`",
+        )),
+    }
+}
+
+fn export_results(
+    arguments: &Arguments,
+    (results, to): (&Path, Format),
+    out: &Path,
+) -> anyhow::Result<Outcome> {
     let zoo = arguments.zoo.as_ref().map(|folder| ModelZoo::load(folder)).transpose()?;
     let camera = arguments.camera.as_deref().map(load_camera).transpose()?;
-    let (mut images, skipped) =
-        read::read(&arguments.results, arguments.from, camera, zoo.as_ref())?;
+    let (mut images, skipped) = read::read(results, arguments.from, camera, zoo.as_ref())?;
     if arguments.tracked {
         images = images.into_iter().map(scene::as_tracked).collect();
     }
     let ids = arguments.coco_ids.as_deref().map(read_coco_ids).transpose()?;
-    let out = &arguments.out;
     files::create_folder(out)?;
-    match arguments.to {
+    match to {
         Format::Results => write_results(out, &images)?,
         Format::Kitti => write_kitti(out, &images)?,
         Format::Coco => write_coco(out, &images, ids.as_ref())?,

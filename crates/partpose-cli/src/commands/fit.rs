@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 use partpose::detection::Detection;
 use partpose::files::{self, RgbImage};
 use partpose::formats::DetectionFile;
-use partpose::geometry::{Camera, Extent};
+use partpose::geometry::Camera;
 use partpose::labeling::Shard;
 use rayon::prelude::*;
 
@@ -49,16 +49,20 @@ pub(crate) struct Arguments {
     out: PathBuf,
 }
 
-/// The detections of one image, each with its size where the file knows it.
+/// The detections of one image.
 struct ImageDetections {
     name: String,
     stem: String,
-    detections: Vec<(Detection, Option<Extent>)>,
+    detections: Vec<Detection>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let file = detection_files::read(&arguments.detections)?;
-    let fitter = Fitter::new(&arguments.fit, &arguments.out, file.extents.is_some())?;
+    let fitter = Fitter::new(
+        &arguments.fit,
+        &arguments.out,
+        file.detections.iter().any(|(_, d)| d.size.is_some()),
+    )?;
     let camera = load_camera(&arguments.camera)?;
     let mut by_image = by_image(file, arguments.min_score)?;
     if let Some(shard) = &arguments.shard {
@@ -109,10 +113,9 @@ fn by_image(file: DetectionFile, min_score: f64) -> anyhow::Result<Vec<ImageDete
         .zip(stems)
         .map(|(name, stem)| ImageDetections { name, stem, detections: Vec::new() })
         .collect();
-    for (index, (image, detection)) in file.detections.into_iter().enumerate() {
+    for (image, detection) in file.detections {
         if detection.score >= min_score {
-            let extent = file.extents.as_ref().map(|extents| extents[index]);
-            images[image].detections.push((detection, extent));
+            images[image].detections.push(detection);
         }
     }
     Ok(images)

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use partpose::detection::Detection;
+use partpose::detection::{DetectedSize, Detection};
 use partpose::files::{self, RgbImage};
 use partpose::formats::{ResultSettings, image_result};
-use partpose::geometry::{Camera, Extent};
+use partpose::geometry::{Camera, Cuboid, Extent};
 use partpose::pose::dense::SizePrior;
 use partpose::pose::scene::{SceneDetection, SceneOptions, estimate_scene};
 use partpose::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator};
@@ -21,9 +21,10 @@ pub(crate) struct FitFlags {
     /// Folder of the models; the embedded ones if not given
     #[arg(long, value_name = "DIR")]
     zoo: Option<PathBuf>,
-    /// Size of the vehicles, on which their distance depends: `file` takes the detections' own `extents`, else the
-    /// models'; `model` the models'; `free` starts with the models' and lets the dense fit stretch them; width,height,
-    /// length in metres is one size for all
+    /// Size of the vehicles, on which their distance depends: `file` takes the detections' own `extents`, as sizes that
+    /// are likely where they come with `extent_sigma`, else the models'; `model` the models'; `free` starts with the
+    /// models', and what detections say of it, and lets the dense fit stretch them; width,height,length in metres is
+    /// one size for all
     #[arg(long, value_name = "SIZE", default_value = "file", value_parser = parse_extent)]
     extent: FitExtent,
     /// Draw no pictures
@@ -36,6 +37,18 @@ pub(crate) struct FitFlags {
     scene: SceneFlags,
     #[command(flatten)]
     pose: PoseFlags,
+}
+
+impl Default for FitFlags {
+    /// What the flags say when none is given.
+    fn default() -> Self {
+        #[derive(clap::Parser)]
+        struct Alone {
+            #[command(flatten)]
+            flags: FitFlags,
+        }
+        <Alone as clap::Parser>::parse_from(["fit"]).flags
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -73,11 +86,13 @@ pub(super) fn parse_extent(text: &str) -> Result<FitExtent, String> {
 
 impl FitExtent {
     /// Where the size of a detection comes from that may have one of its own.
-    pub(super) fn source(self, own: Option<Extent>) -> ExtentSource {
+    pub(super) fn source(self, own: Option<&DetectedSize>) -> ExtentSource {
         match (self, own) {
-            (Self::Given(extent), _) | (Self::File, Some(extent)) => ExtentSource::Given(extent),
-            (Self::Free, _) => ExtentSource::Free(SizePrior::around(None)),
-            (Self::File | Self::Model, _) => ExtentSource::Model,
+            (Self::Given(extent), _) => ExtentSource::Given(extent),
+            (Self::File, Some(size)) if size.is_exact() => ExtentSource::Given(size.extent),
+            // The fit adds what the detection says.
+            (Self::File, Some(_)) | (Self::Free, _) => ExtentSource::Free(SizePrior::around(None)),
+            (Self::File, None) | (Self::Model, _) => ExtentSource::Model,
         }
     }
 }
@@ -108,8 +123,22 @@ pub(crate) struct Fitting<'a> {
     pub(crate) camera: &'a Camera,
     /// To draw on; of the camera's size.
     pub(crate) image: Option<&'a RgbImage>,
-    /// Each with its size where it is known.
-    pub(crate) detections: Vec<(Detection, Option<Extent>)>,
+    pub(crate) detections: Vec<Detection>,
+}
+
+/// A detection with its pose, or why it has none.
+pub(crate) type Estimated = (Detection, Result<PoseEstimate, NoPose>);
+
+/// An image whose results are written.
+pub(crate) struct Shown<'a> {
+    pub(crate) name: &'a str,
+    /// Name of the files that are written, without their endings.
+    pub(crate) stem: &'a str,
+    pub(crate) camera: &'a Camera,
+    /// To draw on; of the camera's size.
+    pub(crate) image: Option<&'a RgbImage>,
+    /// What is true of each vehicle, where that is known, to be drawn.
+    pub(crate) truth: &'a dyn Fn(usize) -> Option<Cuboid>,
 }
 
 /// What became of detections.
@@ -176,19 +205,24 @@ impl Fitter {
         endings.map(|ending| self.out.join(format!("{stem}.{ending}"))).collect()
     }
 
-    /// Finds the poses of an image's detections, each with its size where it is known.
-    pub(crate) fn estimate(
-        &self,
-        camera: &Camera,
-        detections: Vec<(Detection, Option<Extent>)>,
-    ) -> Vec<(Detection, Result<PoseEstimate, NoPose>)> {
+    /// Finds the poses of an image and writes JSON, KITTI text and picture.
+    pub(crate) fn fit(&self, fitting: Fitting) -> anyhow::Result<Counts> {
+        let Fitting { name, stem, camera, image, detections } = fitting;
+        let estimated = self.estimate(camera, detections);
+        self.write(&Shown { name, stem, camera, image, truth: &|_| None }, &estimated)
+    }
+
+    /// Finds the poses of an image.
+    pub(crate) fn estimate(&self, camera: &Camera, detections: Vec<Detection>) -> Vec<Estimated> {
         let given: Vec<SceneDetection> = detections
             .iter()
-            .map(|(detection, own)| SceneDetection { detection, extent: self.extent.source(*own) })
+            .map(|detection| {
+                let extent = self.extent.source(detection.size.as_ref());
+                SceneDetection { detection, extent }
+            })
             .collect();
         let found = estimate_scene(&self.estimator, &self.zoo, camera, &given, &self.scene);
-        let mut estimated: Vec<(Detection, Result<PoseEstimate, NoPose>)> =
-            detections.into_iter().map(|(detection, _)| detection).zip(found.vehicles).collect();
+        let mut estimated: Vec<Estimated> = detections.into_iter().zip(found.vehicles).collect();
         for (detection, estimate) in &mut estimated {
             if let Ok(estimate) = estimate {
                 self.estimator.observe(camera, detection, estimate);
@@ -197,26 +231,26 @@ impl Fitter {
         estimated
     }
 
-    /// Finds the poses of an image and writes JSON, KITTI text and picture.
-    pub(crate) fn fit(&self, fitting: Fitting) -> anyhow::Result<Counts> {
-        let Fitting { name, stem, camera, image, detections } = fitting;
-        let estimated = self.estimate(camera, detections);
+    /// Writes JSON, KITTI text and picture of an image.
+    pub(crate) fn write(&self, shown: &Shown, estimated: &[Estimated]) -> anyhow::Result<Counts> {
+        let Shown { name, stem, camera, image, truth } = shown;
         let posed = estimated.iter().filter(|(_, estimate)| estimate.is_ok()).count();
-        let result = image_result(name, camera, &self.settings, &estimated);
+        let result = image_result(name, camera, &self.settings, estimated);
         let written: Vec<_> = estimated.iter().map(|(d, e)| (d, e.as_ref().ok())).collect();
         result_files::write_results(&self.out, stem, &result, &written, &self.zoo)?;
         if self.pictures {
             let pictured: Vec<Pictured> = estimated
                 .iter()
-                .map(|(detection, estimate)| Pictured {
+                .enumerate()
+                .map(|(i, (detection, estimate))| Pictured {
                     detection,
                     estimate: estimate.as_ref().ok(),
                     zoo: &self.zoo,
-                    truth: None,
+                    truth: truth(i),
                 })
                 .collect();
             let drawn = (pictured.as_slice(), self.estimator.options().scaling);
-            let picture = result_files::picture(stem, camera, image, drawn);
+            let picture = result_files::picture(stem, camera, *image, drawn);
             files::write_png(&self.out.join(format!("{stem}.png")), &picture)?;
         }
         Ok(Counts { posed, without: estimated.len() - posed, skipped: 0 })

@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 use std::thread;
 
+use partpose::detection::Detection;
 use partpose::files::{self, RgbImage, read_photo};
 use partpose::formats::{DetectionFile, write_detections};
-use partpose::geometry::{Camera, Extent};
+use partpose::geometry::Camera;
 use partpose::labeling::Shard;
 
 use self::inputs::Input;
@@ -17,7 +18,7 @@ use crate::camera::{Cameras, Origin};
 use crate::commands::detection_files::ENDING;
 use crate::commands::fitting::{Counts, FitFlags, Fitter, Fitting, parse_score};
 use crate::commands::tracking::{self, TrackFlags};
-use crate::network::{Found, Network};
+use crate::network::{EngineFlags, Network};
 use crate::progress;
 use crate::report::{Outcome, note, warn};
 
@@ -35,7 +36,9 @@ Examples:
       a KITTI or Virtual KITTI folder knows the camera of each of its images
   partpose run 'frames/*.png' --camera camera.toml --shard 1/2 --resume --out out
   partpose run frames --camera camera.toml --track --fps 25 --out out
-      the images are a sequence: vehicles keep their numbers, poses are smoothed")]
+      the images are a sequence: vehicles keep their numbers, poses are smoothed
+  partpose run frames --camera camera.toml --onnx-model mine.onnx --mapping mine.toml --out out
+      a detector of your own (docs/guide/5-detector.md)")]
 pub(crate) struct Arguments {
     /// Images (PNG, JPEG), folders of them, or patterns such as 'frames/*.png'
     #[arg(required = true, value_name = "IMAGE|DIR|GLOB")]
@@ -50,6 +53,8 @@ pub(crate) struct Arguments {
     /// Weights of the network; those that come with the program if not given
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
+    #[command(flatten)]
+    engine: EngineFlags,
     /// Leave out detections with a lower score
     #[arg(long, value_name = "SCORE", default_value_t = 0.5, value_parser = parse_score)]
     min_score: f64,
@@ -78,19 +83,19 @@ pub(crate) fn parse_angle(text: &str) -> Result<f64, String> {
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     // What was typed is checked before the network is made ready.
     let inputs = inputs::collect(&arguments.images, arguments.shard)?;
-    let network = Network::load(arguments.weights.as_deref())?;
+    let network = Network::load(arguments.weights.as_deref(), &arguments.engine)?;
     run_with(arguments, &inputs, &network.identity, &mut |image| network.detect(image))
 }
 
 /// The detector: an image to what it shows.
-type Detect<'a> = &'a mut dyn FnMut(&RgbImage) -> anyhow::Result<Vec<Found>>;
+type Detect<'a> = &'a mut dyn FnMut(&RgbImage) -> anyhow::Result<Vec<Detection>>;
 
 /// An image that the network has seen.
 struct Seen<'a> {
     input: &'a Input,
     camera: Camera,
     image: RgbImage,
-    found: Vec<Found>,
+    found: Vec<Detection>,
 }
 
 fn run_with(
@@ -203,19 +208,16 @@ fn look<'a>(
     let photo = read_photo(&input.path)?;
     let (camera, origin) = cameras.of(&input.path, &photo)?;
     let mut found = detect(&photo.image)?;
-    found.retain(|found| found.detection.score >= min_score);
+    found.retain(|found| found.score >= min_score);
     Ok((Seen { input, camera, image: photo.image, found }, origin))
 }
 
 /// Writes the detections, finds the poses and writes them.
 fn finish(arguments: &Arguments, fitter: &Fitter, seen: Seen) -> anyhow::Result<Counts> {
     let Seen { input, camera, image, found } = seen;
-    // Sizes are written where all have them; a file has them for all or for none.
-    let extents: Option<Vec<Extent>> = found.iter().map(|found| found.extent).collect();
     let file = DetectionFile {
         images: vec![input.name.clone()],
-        detections: found.iter().map(|found| (0, found.detection.clone())).collect(),
-        extents: extents.filter(|extents| !extents.is_empty()),
+        detections: found.iter().map(|found| (0, found.clone())).collect(),
     };
     write_detections(&detections_file(&arguments.out, &input.stem), &file)?;
     fitter.fit(Fitting {
@@ -223,7 +225,7 @@ fn finish(arguments: &Arguments, fitter: &Fitter, seen: Seen) -> anyhow::Result<
         stem: &input.stem,
         camera: &camera,
         image: Some(&image),
-        detections: found.into_iter().map(|found| (found.detection, found.extent)).collect(),
+        detections: found,
     })
 }
 

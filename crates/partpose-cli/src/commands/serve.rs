@@ -19,7 +19,7 @@ use std::time::Duration;
 
 use crate::camera::Cameras;
 use crate::commands::fitting::{FitFlags, Fitter, parse_score};
-use crate::network::Network;
+use crate::network::{EngineFlags, Network};
 use crate::report::{Outcome, note};
 
 use self::metrics::Metrics;
@@ -51,6 +51,8 @@ pub(crate) struct Arguments {
     /// Weights of the network; those that come with the program if not given
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
+    #[command(flatten)]
+    engine: EngineFlags,
     /// Leave out detections with a lower score, where a request does not say it
     #[arg(long, value_name = "SCORE", default_value_t = 0.5, value_parser = parse_score)]
     min_score: f64,
@@ -106,7 +108,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         None => Cameras::guess(arguments.fov.to_radians()),
     };
     let fitter = Fitter::new(&arguments.fit, &PathBuf::new(), false)?;
-    let network = Network::load(arguments.weights.as_deref())?;
+    let network = Network::load(arguments.weights.as_deref(), &arguments.engine)?;
     let (limits, min_score) = (arguments.limits, arguments.min_score);
     let metrics = Arc::new(Metrics::default());
     let detect = Box::new(move |image: &_| network.detect(image));

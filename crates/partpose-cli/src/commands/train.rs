@@ -16,6 +16,7 @@ use partpose_net::train::{self, Begin, Event, TrainData, TrainError, Wish};
 use partpose_net::training::{Balance, TrainConfig};
 use partpose_net::{balance, import};
 
+use crate::network::{DeviceFlag, parse_device};
 use crate::progress;
 use crate::report::{Outcome, hint, note, warn, warn_error};
 
@@ -74,8 +75,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "RATE")]
     rate: Option<f64>,
     /// Where to compute; this build has `cpu`
-    #[arg(long, default_value = "cpu")]
-    device: String,
+    #[arg(long, default_value = "cpu", value_parser = parse_device)]
+    device: DeviceFlag,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -87,7 +88,7 @@ enum Preset {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let device = device(&arguments.device)?.autodiff();
+    let device = arguments.device.0.clone().autodiff();
     let mut config = resolve(arguments)?;
     let data = read_data(arguments, &config)?;
     if config.data.balance == Balance::InverseSquareRoot && !arguments.resume {
@@ -308,17 +309,6 @@ fn initial(
     Ok(imported.weights)
 }
 
-/// The device of a name.
-fn device(name: &str) -> anyhow::Result<Device> {
-    if name == "cpu" {
-        return Ok(Device::default());
-    }
-    Err(hint(
-        anyhow::anyhow!("there is no device `{name}` in this build"),
-        "leave `--device` out, or say `cpu`",
-    ))
-}
-
 fn advised(error: TrainError, folder: &Path) -> anyhow::Error {
     let folder = folder.display();
     match &error {
@@ -368,6 +358,35 @@ mod tests {
         expected.net.parts.kernel = 14;
         expected.schedule.fall = partpose_net::schedule::Fall::Cosine { last: 0.5 };
         assert_eq!(config, expected);
+    }
+
+    /// Names of all keys, those of tables within tables after a dot.
+    fn keys(table: &toml::Table, before: &str, found: &mut Vec<String>) {
+        for (key, value) in table {
+            let name = format!("{before}.{key}");
+            match value {
+                toml::Value::Table(inner) => keys(inner, &name, found),
+                _ => found.push(name),
+            }
+        }
+    }
+
+    #[test]
+    fn the_files_of_configs_are_complete_and_say_what_the_presets_do() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
+        for (name, preset) in
+            [("default.toml", TrainConfig::default()), ("paper.toml", TrainConfig::paper())]
+        {
+            let text = files::read_text(&folder.join(name)).unwrap();
+            let read: TrainConfig = toml::from_str(&text).unwrap();
+            assert_eq!(read, preset, "{name}");
+            let [mut given, mut all] = [Vec::new(), Vec::new()];
+            keys(&toml::from_str(&text).unwrap(), "", &mut given);
+            keys(&toml::Table::try_from(&preset).unwrap(), "", &mut all);
+            given.sort();
+            all.sort();
+            assert_eq!(given, all, "{name}");
+        }
     }
 
     #[test]

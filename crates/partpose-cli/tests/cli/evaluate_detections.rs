@@ -94,7 +94,7 @@ fn perfect(folder: &Path, zoo: &ModelZoo) -> Vec<(Frame, Vec<Detection>)> {
 
 /// All but one vehicle of the first frame, and something where nothing is.
 fn detections(folder: &Path, zoo: &ModelZoo) -> DetectionFile {
-    let mut file = DetectionFile { images: Vec::new(), detections: Vec::new(), extents: None };
+    let mut file = DetectionFile { images: Vec::new(), detections: Vec::new() };
     for (index, (frame, mut found)) in perfect(folder, zoo).into_iter().enumerate() {
         if index == 0 {
             found[1].bounds = Rect::new(10.0, 10.0, 90.0, 60.0);
@@ -213,7 +213,7 @@ fn parts_of_a_fit_are_together_the_whole() {
 fn vehicles_of_a_sequence_keep_their_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let zoo = dataset(folder.path());
-    let mut file = DetectionFile { images: Vec::new(), detections: Vec::new(), extents: None };
+    let mut file = DetectionFile { images: Vec::new(), detections: Vec::new() };
     for (index, (frame, mut found)) in perfect(folder.path(), &zoo).into_iter().enumerate() {
         // The second frame of each sequence has them in another order.
         found.rotate_left(index % 2);

@@ -73,8 +73,9 @@ pub(super) fn part_colors(frame: &mut Frame, corner: f32) {
     });
 }
 
-/// A channel between pixels.
-pub(super) fn between(pixels: &[[f32; 3]], size: [usize; 2], at: [f32; 2], channel: usize) -> f32 {
+/// The picture between pixels.
+#[inline]
+pub(super) fn between(pixels: &[[f32; 3]], size: [usize; 2], at: [f32; 2]) -> [f32; 3] {
     let x = at[0].clamp(0.0, size[0] as f32 - 1.001);
     let y = at[1].clamp(0.0, size[1] as f32 - 1.001);
     let [ix, iy] = [x as usize, y as usize];
@@ -82,9 +83,12 @@ pub(super) fn between(pixels: &[[f32; 3]], size: [usize; 2], at: [f32; 2], chann
     let i = iy * size[0] + ix;
     let right = usize::from(ix + 1 < size[0]);
     let below = if iy + 1 < size[1] { size[0] } else { 0 };
-    let row =
-        |i: usize| pixels[i][channel] + fx * (pixels[i + right][channel] - pixels[i][channel]);
-    row(i) + fy * (row(i + below) - row(i))
+    let corners = [i, i + right, i + below, i + below + right].map(|i| pixels[i]);
+    let mix = |a: f32, b: f32, share: f32| a + share * (b - a);
+    [0, 1, 2].map(|c| {
+        let above = mix(corners[0][c], corners[1][c], fx);
+        mix(above, mix(corners[2][c], corners[3][c], fx), fy)
+    })
 }
 
 /// Less light towards the corners.

@@ -1,9 +1,11 @@
-//! Blur by the camera's own motion while the shutter is open.
+//! Blur by the motion of camera and vehicles while the shutter is open.
 //!
-//! Each pixel is the mean along the way that its surface moves on the screen, from its depth and the two poses (Rosado:
-//! *Motion Blur as a Post-Processing Effect*, GPU Gems 3, 2007). What moves by itself is not blurred for it.
+//! Each pixel is the mean along the way that its surface moves on the screen, from its depth and the poses before and
+//! after (Rosado: *Motion Blur as a Post-Processing Effect*, GPU Gems 3, 2007). Vehicles with a row move by themselves;
+//! lorries, buses and people are blurred as if they stood, and what lies behind a vehicle stays sharp beside it.
 
 use nalgebra::{Matrix3, Vector3};
+use partpose::geometry::Pose;
 use rayon::prelude::*;
 
 use crate::scene::Scene;
@@ -17,10 +19,14 @@ const TAPS: usize = 7;
 /// Longest way, pixels.
 const LONGEST: f32 = 40.0;
 
+/// How the places of one thing move in camera coordinates.
+struct Motion {
+    rotation: Matrix3<f32>,
+    shift: Vector3<f32>,
+}
+
 pub(super) fn blur(frame: &mut Frame, scene: &Scene, rendered: &Rendered, share: f32) {
-    let after_from_before = scene.world_from_camera_after.inverse() * scene.world_from_camera;
-    let rotation: Matrix3<f32> = after_from_before.rotation.to_rotation_matrix().matrix().cast();
-    let shift: Vector3<f32> = after_from_before.translation.vector.cast();
+    let motions = motions(scene);
     let camera = &scene.camera;
     let [fx, fy] = camera.focal.map(|f| f as f32);
     let [cx, cy] = camera.principal_point.map(|c| c as f32);
@@ -31,14 +37,18 @@ pub(super) fn blur(frame: &mut Frame, scene: &Scene, rendered: &Rendered, share:
         for (x, value) in row.iter_mut().enumerate() {
             let ray = Vector3::new((x as f32 - cx) / fx, (y as f32 - cy) / fy, 1.0);
             let depth = rendered.depths[y * width + x];
-            let moved =
-                rotation * ray + if depth.is_finite() { shift / depth } else { Vector3::zeros() };
+            let instance = usize::from(rendered.instances[y * width + x]);
+            let Some(motion) = motions.get(instance).or(motions.first()) else { continue };
+            let mut moved = motion.rotation * ray;
+            if depth.is_finite() {
+                moved += motion.shift / depth;
+            }
             if !(moved.z > 0.05) {
                 continue;
             }
             let to = [fx * moved.x / moved.z + cx, fy * moved.y / moved.z + cy];
             let mut way = [share * (to[0] - x as f32), share * (to[1] - y as f32)];
-            let length = way[0].hypot(way[1]);
+            let length = (way[0] * way[0] + way[1] * way[1]).sqrt();
             if !(length > 0.6) {
                 continue;
             }
@@ -49,11 +59,31 @@ pub(super) fn blur(frame: &mut Frame, scene: &Scene, rendered: &Rendered, share:
             for tap in 0..TAPS {
                 let share = tap as f32 / (TAPS - 1) as f32 - 0.5;
                 let at = [x as f32 + share * way[0], y as f32 + share * way[1]];
-                for (i, sum) in sum.iter_mut().enumerate() {
-                    *sum += between(&old, size, at, i);
+                for (sum, value) in sum.iter_mut().zip(between(&old, size, at)) {
+                    *sum += value;
                 }
             }
             *value = sum.map(|v: f32| v / TAPS as f32);
         }
     });
+}
+
+/// How what stands moves before the camera, and then how each vehicle does, by its instance.
+fn motions(scene: &Scene) -> Vec<Motion> {
+    let after_from_world = scene.world_from_camera_after.inverse();
+    let motion = |after_from_before: Pose| Motion {
+        rotation: after_from_before.rotation.to_rotation_matrix().matrix().cast(),
+        shift: after_from_before.translation.vector.cast(),
+    };
+    let still = motion(after_from_world * scene.world_from_camera);
+    let mut motions = vec![still];
+    let before = scene.objects.iter().filter(|object| object.instance > 0);
+    let mut before: Vec<_> =
+        before.map(|object| (object.instance, object.world_from_object)).collect();
+    before.sort_by_key(|(instance, _)| *instance);
+    for ((_, before), after) in before.iter().zip(&scene.world_from_vehicles_after) {
+        let moved = after * before.inverse();
+        motions.push(motion(after_from_world * moved * scene.world_from_camera));
+    }
+    motions
 }

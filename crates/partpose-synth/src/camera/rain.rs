@@ -83,18 +83,16 @@ pub(super) fn add_drops(frame: &mut Frame, count: u32, seed: u64) {
                 // Further out the drop bends light more.
                 let reach = 5.0 + 22.0 * r * r;
                 let at = [center[0] - u * radius * reach, center[1] - v * radius * reach];
-                for i in 0..3 {
-                    let blur = 0.6 * radius;
-                    let seen = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
-                        .map(|[a, b]: [f32; 2]| {
-                            between(&old, frame.size, [at[0] + a * blur, at[1] + b * blur], i)
-                        })
-                        .iter()
-                        .sum::<f32>()
-                        * 0.25;
-                    let shade = 0.75 + 0.35 * v;
-                    let pixel = &mut frame.pixels[y * width + x][i];
-                    *pixel += 0.85 * edge * (seen * shade - *pixel);
+                let blur = 0.6 * radius;
+                let around = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
+                let around = around.map(|[a, b]: [f32; 2]| {
+                    between(&old, frame.size, [at[0] + a * blur, at[1] + b * blur])
+                });
+                let shade = 0.75 + 0.35 * v;
+                let pixel = &mut frame.pixels[y * width + x];
+                for (i, value) in pixel.iter_mut().enumerate() {
+                    let seen = around.iter().map(|color| color[i]).sum::<f32>() * 0.25;
+                    *value += 0.85 * edge * (seen * shade - *value);
                 }
             }
         }

@@ -1,6 +1,5 @@
 //! One frame: drawn, turned into files.
 
-use std::io::Cursor;
 use std::path::Path;
 
 use partpose::dataset::SequenceId;
@@ -45,8 +44,8 @@ pub(super) fn write(
     };
     let picture = photographed(&moment, &rendered, shot, options);
     files::write(&file("vkitti_1.3.1_rgb"), &fast_png(&picture))?;
-    files::write_png(&file("vkitti_1.3.1_scenegt"), &segments(&rendered, &moment))?;
-    files::write_png(&file("parts"), &parts(&rendered))?;
+    files::write(&file("vkitti_1.3.1_scenegt"), &fast_png(&segments(&rendered, &moment)))?;
+    files::write(&file("parts"), &fast_png(&parts(&rendered)))?;
     files::write(&file("vkitti_1.3.1_depthgt"), &depth_png(&rendered))?;
     fragments::keep(out, id, index, &frame_rows(index, &rendered, &moment))?;
     Ok(())
@@ -114,31 +113,29 @@ fn parts(rendered: &Rendered) -> RgbImage {
     RgbImage { size: rendered.size, pixels }
 }
 
-/// A picture as PNG, packed fast: the noise of its last bits cannot be packed by any effort.
+/// A picture as PNG, packed fast: the noise of its last bits cannot be packed by any effort, and even labels have so
+/// little in them that they become small anyhow.
 fn fast_png(picture: &RgbImage) -> Vec<u8> {
+    packed(&picture.pixels, picture.size, image::ExtendedColorType::Rgb8)
+}
+
+fn packed(bytes: &[u8], [width, height]: [u32; 2], color: image::ExtendedColorType) -> Vec<u8> {
     use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-    let mut bytes = Vec::new();
-    let encoder =
-        PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive);
-    let [width, height] = picture.size;
-    let color = image::ExtendedColorType::Rgb8;
-    let written = image::ImageEncoder::write_image(encoder, &picture.pixels, width, height, color);
+    let mut file = Vec::new();
+    let encoder = PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Up);
+    // Writing to memory cannot fail for an image whose pixels fill its size.
+    let written = image::ImageEncoder::write_image(encoder, bytes, width, height, color);
     debug_assert!(written.is_ok());
-    bytes
+    file
 }
 
 fn depth_png(rendered: &Rendered) -> Vec<u8> {
-    let [width, height] = rendered.size;
     let centimetres = |depth: &f32| {
         let value = (f64::from(*depth) * 100.0).round();
         if value < f64::from(FAR) { value.max(0.0) as u16 } else { FAR }
     };
-    let pixels: Vec<u16> = rendered.depths.iter().map(centimetres).collect();
-    let image: image::ImageBuffer<image::Luma<u16>, Vec<u16>> =
-        image::ImageBuffer::from_raw(width, height, pixels).unwrap_or_default();
-    let mut bytes = Cursor::new(Vec::new());
-    // Writing to memory cannot fail for an image whose pixels fill its size.
-    let written = image.write_to(&mut bytes, image::ImageFormat::Png);
-    debug_assert!(written.is_ok());
-    bytes.into_inner()
+    // The encoder takes the machine's own order of bytes.
+    let bytes: Vec<u8> =
+        rendered.depths.iter().flat_map(|depth| centimetres(depth).to_ne_bytes()).collect();
+    packed(&bytes, rendered.size, image::ExtendedColorType::L16)
 }

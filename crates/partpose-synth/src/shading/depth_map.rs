@@ -6,6 +6,8 @@ use super::noise::{ceil, floor};
 
 /// Triangles whose box is as wide as this or wider are solved for row by row.
 const WIDE: i32 = 6;
+/// Texels of a row that are looked at together.
+const LANES: usize = 8;
 
 /// Heights, row by row; minus infinity where nothing is.
 #[derive(Clone, Debug)]
@@ -45,6 +47,7 @@ impl DepthMap {
     }
 
     /// As [`Self::draw`], where `is_there` holds of the texture's coordinates.
+    #[inline]
     pub(crate) fn draw_where(
         &mut self,
         corners: [Vector3<f32>; 3],
@@ -59,11 +62,21 @@ impl DepthMap {
             let first = [0, 1].map(|i| a[i] + mix(i, wb, wc));
             let change = [0, 1].map(|i| mix(i, plane.second[0], plane.third[0]));
             let row = &mut heights[y * width + from..=y * width + to];
-            for (k, old) in row.iter_mut().enumerate() {
-                let k = k as f32;
+            for (block, row) in row.chunks_mut(LANES).enumerate() {
+                // Some at a time: heights first, without a branch, since most rows end behind what is drawn already.
+                let k = (block * LANES) as f32;
                 let height = start[0] + plane.slope[0] * k;
-                if height > *old && is_there([0, 1].map(|i| first[i] + change[i] * k)) {
-                    *old = height;
+                let mut new = [0.0_f32; LANES];
+                for (lane, new) in new.iter_mut().enumerate() {
+                    *new = height + plane.slope[0] * lane as f32;
+                }
+                if !row.iter().zip(&new).fold(false, |any, (old, new)| any || new > old) {
+                    continue;
+                }
+                let place = [0, 1].map(|i| first[i] + change[i] * k);
+                for (lane, (old, new)) in row.iter_mut().zip(new).enumerate() {
+                    let there = is_there([0, 1].map(|i| place[i] + change[i] * lane as f32));
+                    *old = if there && new > *old { new } else { *old };
                 }
             }
         });

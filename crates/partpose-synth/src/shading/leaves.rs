@@ -4,9 +4,9 @@
 //! leaf that covers it, and ranks are spread evenly, so that the share that is there is exactly what a material asks for.
 //! Leaves of the same rank as their neighbours' form clumps with gaps between them, as twigs do.
 
-use std::sync::LazyLock;
+use std::sync::{LazyLock, OnceLock};
 
-use super::noise::{cell_share, floor, smooth};
+use super::noise::{cell_share, smooth, whole};
 
 /// Texels along a side of the table; a power of two.
 const SIDE: usize = 512;
@@ -26,22 +26,46 @@ struct Texel {
 
 static TABLE: LazyLock<Vec<Texel>> = LazyLock::new(table);
 
-/// Whether a leaf is at a place, metres; `cover` is the share that is there.
+/// Where leaves are at one cover, a bit a texel: small enough to stay in a core's nearest cache.
+#[derive(Debug)]
+pub(super) struct Mask(Vec<u64>);
+
+/// Masks by the rank below which leaves are there, each made when it is first asked for.
+static MASKS: [OnceLock<Mask>; 257] = [const { OnceLock::new() }; 257];
+
+impl Mask {
+    /// The mask of a cover, the share that is there.
+    pub(super) fn of(cover: f32) -> &'static Self {
+        let below = (255.0 * cover).ceil().clamp(0.0, 256.0) as usize;
+        MASKS[below].get_or_init(|| {
+            let mut words = vec![0_u64; SIDE * SIDE / 64];
+            for (i, texel) in TABLE.iter().enumerate() {
+                words[i / 64] |= u64::from(usize::from(texel.rank) < below) << (i % 64);
+            }
+            Self(words)
+        })
+    }
+
+    /// Whether a leaf is at a place, in texels.
+    #[inline]
+    pub(super) fn is_leaf(&self, [u, v]: [f32; 2]) -> bool {
+        let [column, row] = [u, v].map(|x| whole(x).0 as usize % SIDE);
+        let at = row * SIDE + column;
+        self.0[at / 64] >> (at % 64) & 1 == 1
+    }
+}
+
+/// Texels a metre for leaves of a size.
 #[inline]
-pub(super) fn is_leaf(u: f32, v: f32, cover: f32, size: f32) -> bool {
-    f32::from(at(&TABLE, u, v, size).rank) < 255.0 * cover
+pub(super) fn texels(size: f32) -> f32 {
+    TEXELS / size.max(1e-3)
 }
 
 /// How light the leaf at a place is: 0 to 1, a half in the mean.
 pub(super) fn shade(u: f32, v: f32, size: f32) -> f32 {
-    f32::from(at(&TABLE, u, v, size).shade) * (1.0 / 255.0)
-}
-
-#[inline]
-fn at(table: &[Texel], u: f32, v: f32, size: f32) -> Texel {
-    let scale = TEXELS / size.max(1e-3);
-    let place = |x: f32| floor(x * scale) as usize % SIDE;
-    table[place(v) * SIDE + place(u)]
+    let scale = texels(size);
+    let place = |x: f32| whole(x * scale).0 as usize % SIDE;
+    f32::from(TABLE[place(v) * SIDE + place(u)].shade) * (1.0 / 255.0)
 }
 
 fn table() -> Vec<Texel> {
@@ -96,12 +120,13 @@ mod tests {
         for cover in [0.3_f32, 0.5, 0.8] {
             let count = (0..200 * 200)
                 .filter(|i| {
-                    is_leaf((i % 200) as f32 * 0.0256, (i / 200) as f32 * 0.0256, cover, 0.1)
+                    let place = [i % 200, i / 200].map(|k| k as f32 * 0.0256 * texels(0.1));
+                    Mask::of(cover).is_leaf(place)
                 })
                 .count();
             let share = count as f32 / 40_000.0;
             assert!((share - cover).abs() < 0.03, "{share} of {cover}");
         }
-        assert!(!is_leaf(0.3, 0.2, 0.0, 0.1));
+        assert!(!Mask::of(0.0).is_leaf([30.0, 20.0]));
     }
 }

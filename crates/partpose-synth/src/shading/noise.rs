@@ -27,6 +27,17 @@ pub(crate) fn floor(x: f32) -> i32 {
     whole - i32::from(x < whole as f32)
 }
 
+/// The low bits of the largest whole number that is not above `x`, and what `x` has beyond it, up to 1; for numbers
+/// below two millions.
+///
+/// Adding 1.5 * 2^23 leaves the whole number in the low bits of the sum, rounded: no conversion with its bounds.
+#[inline]
+pub(crate) fn whole(x: f32) -> (u32, f32) {
+    const SHIFT: f32 = 12_582_912.0;
+    let shifted = (x - 0.5) + SHIFT;
+    (shifted.to_bits(), x - (shifted - SHIFT))
+}
+
 /// The smallest whole number that is not below `x`.
 #[inline]
 pub(crate) fn ceil(x: f32) -> i32 {
@@ -60,12 +71,12 @@ pub(crate) fn smooth(x: f32, y: f32, seed: u32) -> f32 {
 
 #[inline]
 fn smooth_in(lattice: &[u32; SIDE * SIDE], x: f32, y: f32, seed: u32) -> f32 {
-    let [ix, iy] = [floor(x), floor(y)];
+    let [(ix, u), (iy, v)] = [whole(x), whole(y)];
     let fade = |t: f32| t * t * (3.0 - 2.0 * t);
-    let [u, v] = [fade(x - ix as f32), fade(y - iy as f32)];
+    let [u, v] = [fade(u), fade(v)];
     let shift = seed.wrapping_mul(0x9e37_79b1);
-    let column = (ix as u32).wrapping_add(shift >> 16) as usize % SIDE;
-    let row = (iy as u32).wrapping_add(shift >> 24) as usize % SIDE;
+    let column = ix.wrapping_add(shift >> 16) as usize % SIDE;
+    let row = iy.wrapping_add(shift >> 24) as usize % SIDE;
     let corners = lattice[row * SIDE + column];
     let corner = |i: u32| ((corners >> (8 * i)) & 255) as i32 as f32;
     let [a, b, c, d] = [corner(0), corner(1), corner(2), corner(3)];
@@ -100,6 +111,10 @@ mod tests {
         for x in [-2.5_f32, -2.0, -0.1, 0.0, 0.1, 1.0, 7.9, 1e9, -1e9] {
             assert_eq!(floor(x), x.floor() as i32, "{x}");
             assert_eq!(ceil(x), x.ceil() as i32, "{x}");
+            let (bits, beyond) = whole(x.clamp(-1e6, 1e6));
+            let down = x.clamp(-1e6, 1e6) - beyond;
+            assert!((0.0..=1.0).contains(&beyond), "{x}: {beyond}");
+            assert_eq!(bits & 0xffff, down as i32 as u32 & 0xffff, "{x}");
         }
     }
 

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use crate::scene::SegmentClass;
 
 use super::raster::{NOTHING, Visibility};
-use super::surface::{Lighting, Spot};
+use super::surface::{Facet, Lighting, Spot};
 use super::visible::{Seen, Triangle, Triangles};
 
 type V = Vector3<f32>;
@@ -26,11 +26,13 @@ pub(super) fn shade(
 ) -> Vec<[f32; 3]> {
     let [width, height] = camera.size.map(|side| side as usize);
     let rate = visibility.rate;
-    let view = View { camera, seen, triangles, visibility, lighting };
+    let sky = SkyGrid::new(camera, visibility, lighting);
+    let view = View { camera, seen, triangles, visibility, lighting, sky: &sky };
     let mut samples = vec![V::zeros(); visibility.ids.len()];
     samples.par_chunks_mut((visibility.size[0] * rate).max(1)).enumerate().for_each(|(y, rows)| {
+        let mut recent = [Recent::default(), Recent::default()];
         for x in 0..width {
-            view.pixel([x, y], rows);
+            view.pixel([x, y], rows, &mut recent);
         }
     });
     if rate == 1 {
@@ -62,7 +64,6 @@ pub(super) fn wet(
     lighting: &Lighting,
 ) -> (Vec<f32>, Vec<f32>) {
     let width = camera.size[0] as usize;
-    let view = View { camera, seen, triangles, visibility, lighting };
     let pixel = |i: usize| {
         let [x, y] = [i % width, i / width];
         let sample = y * visibility.rate * visibility.size[0] + x * visibility.rate;
@@ -71,7 +72,7 @@ pub(super) fn wet(
             .get(visibility.ids[sample] as usize)
             .filter(|triangle| is_ground(&seen[triangle.seen as usize]))
             .and_then(|triangle| {
-                let ray = view.ray([x as f32, y as f32]);
+                let ray = ray(camera, [x as f32, y as f32]);
                 Spot::new(lighting, &seen[triangle.seen as usize], triangle.face, &ray)
             })
             .map_or(0.0, |spot| spot.water(lighting));
@@ -91,6 +92,14 @@ struct View<'a> {
     triangles: &'a Triangles,
     visibility: &'a Visibility,
     lighting: &'a Lighting<'a>,
+    sky: &'a SkyGrid,
+}
+
+/// The face that was seen last, by the number of its triangle: its neighbours often show it too.
+#[derive(Default)]
+struct Recent<'a> {
+    triangle: Option<u32>,
+    facet: Option<Facet<'a>>,
 }
 
 /// What a sample sees: object and material of the opaque surface, pane and number of panes.
@@ -101,9 +110,9 @@ struct Key {
     panes: u8,
 }
 
-impl View<'_> {
+impl<'a> View<'a> {
     /// Sets a pixel's samples in `rows`, the rows of samples of its row of pixels.
-    fn pixel(&self, [x, y]: [usize; 2], rows: &mut [V]) {
+    fn pixel(&self, [x, y]: [usize; 2], rows: &mut [V], recent: &mut [Recent<'a>; 2]) {
         let v = self.visibility;
         let [rate, columns] = [v.rate, v.size[0]];
         let mut places = [0; 4];
@@ -142,7 +151,7 @@ impl View<'_> {
             done |= members;
             let scale = 1.0 / (members.count_ones() as f32 * rate as f32);
             let at = [x as f32 + middle[0] * scale, y as f32 + middle[1] * scale];
-            let color = self.sample(start + places[i], at);
+            let color = self.sample(start + places[i], at, recent);
             for (j, place) in places.iter().enumerate() {
                 if members >> j & 1 == 1 {
                     rows[*place] = color;
@@ -170,19 +179,16 @@ impl View<'_> {
     }
 
     /// Light from a sample's surfaces at a place in the picture, pixels.
-    fn sample(&self, sample: usize, [x, y]: [f32; 2]) -> V {
-        let ray = self.ray([x, y]);
-        let spot = |id: u32, list: &[Triangle]| {
-            let triangle = list.get(id as usize)?;
-            Spot::new(self.lighting, &self.seen[triangle.seen as usize], triangle.face, &ray)
-        };
+    fn sample(&self, sample: usize, at: [f32; 2], recent: &mut [Recent<'a>; 2]) -> V {
+        let ray = ray(self.camera, at);
         let v = self.visibility;
-        let behind = spot(v.ids[sample], &self.triangles.opaque);
+        let [opaque, glass] = recent;
+        let behind = self.spot(v.ids[sample], &self.triangles.opaque, &ray, opaque);
         let mut color = match &behind {
             Some(spot) => spot.through_air(self.lighting, spot.radiance(self.lighting)),
-            None => self.sky(&ray),
+            None => self.sky.at(at) + self.sun(&ray),
         };
-        if let Some(spot) = spot(v.glass[sample], &self.triangles.glass) {
+        if let Some(spot) = self.spot(v.glass[sample], &self.triangles.glass, &ray, glass) {
             let pane = spot.pane(self.lighting);
             let mut through = pane.tint;
             for _ in 1..v.panes[sample].min(4) {
@@ -196,22 +202,88 @@ impl View<'_> {
         color
     }
 
-    fn ray(&self, [x, y]: [f32; 2]) -> V {
-        let camera = self.camera;
-        V::new(
-            (x - camera.principal_point[0] as f32) / camera.focal[0] as f32,
-            (y - camera.principal_point[1] as f32) / camera.focal[1] as f32,
-            1.0,
-        )
+    fn spot(
+        &self,
+        id: u32,
+        list: &[Triangle],
+        ray: &V,
+        recent: &mut Recent<'a>,
+    ) -> Option<Spot<'a>> {
+        let triangle = list.get(id as usize)?;
+        if recent.triangle != Some(id) {
+            let seen = &self.seen[triangle.seen as usize];
+            let facet = Facet::new(self.lighting, seen, triangle.face);
+            *recent = Recent { triangle: Some(id), facet };
+        }
+        recent.facet.as_ref()?.spot(self.lighting, ray)
     }
 
-    fn sky(&self, ray: &V) -> V {
+    /// What the sun's disc adds to the sky.
+    fn sun(&self, ray: &V) -> V {
         let direction = (self.lighting.world_from_camera * ray).normalize();
-        let sky = self.lighting.sky;
-        let color = sky.radiance_with_clouds(&direction) + sky.disc(&direction);
-        // Fog hides the sky near the horizon: about 1.5 km of it above, longer where looking low.
-        let fog = self.lighting.air.fog.max(0.0) as f32;
-        let share = (-fog * 300.0 / (-direction.y).max(0.05)).exp();
-        color * share + self.lighting.airlight * (1.0 - share)
+        let disc = self.lighting.sky.disc(&direction);
+        disc * shown_through_fog(self.lighting, &direction)
+    }
+}
+
+fn ray(camera: &Camera, [x, y]: [f32; 2]) -> V {
+    V::new(
+        (x - camera.principal_point[0] as f32) / camera.focal[0] as f32,
+        (y - camera.principal_point[1] as f32) / camera.focal[1] as f32,
+        1.0,
+    )
+}
+
+/// Share of the sky's light that fog leaves: about 1.5 km of it above, longer where looking low.
+fn shown_through_fog(lighting: &Lighting, direction: &V) -> f32 {
+    let fog = lighting.air.fog.max(0.0) as f32;
+    (-fog * 300.0 / (-direction.y).max(0.05)).exp()
+}
+
+/// Pixels between places at which the sky is computed; it is too soft for more.
+const SKY_STEP: usize = 4;
+
+/// The sky with its clouds behind a picture, where the picture shows any of it.
+struct SkyGrid {
+    columns: usize,
+    values: Vec<V>,
+}
+
+impl SkyGrid {
+    fn new(camera: &Camera, visibility: &Visibility, lighting: &Lighting) -> Self {
+        let [width, height] = camera.size.map(|side| side as usize);
+        let [columns, rows] = [width, height].map(|side| side.div_ceil(SKY_STEP) + 1);
+        let mut wanted = vec![false; columns * rows];
+        let step = SKY_STEP * visibility.rate;
+        for (y, row) in visibility.ids.chunks(visibility.size[0].max(1)).enumerate() {
+            for (x, samples) in row.chunks(step).enumerate() {
+                if samples.contains(&NOTHING) {
+                    let corner = y / step * columns + x;
+                    for at in [corner, corner + 1, corner + columns, corner + columns + 1] {
+                        wanted[at] = true;
+                    }
+                }
+            }
+        }
+        let value = |(i, wanted): (usize, &bool)| {
+            if !*wanted {
+                return V::zeros();
+            }
+            let at = [i % columns, i / columns].map(|at| (at * SKY_STEP) as f32);
+            let direction = (lighting.world_from_camera * ray(camera, at)).normalize();
+            let color = lighting.sky.radiance_with_clouds(&direction);
+            lighting.airlight.lerp(&color, shown_through_fog(lighting, &direction))
+        };
+        Self { columns, values: wanted.par_iter().enumerate().map(value).collect() }
+    }
+
+    /// Between four of its places, in pixels of the picture.
+    fn at(&self, at: [f32; 2]) -> V {
+        let [u, v] = at.map(|x| x.max(0.0) * (1.0 / SKY_STEP as f32));
+        let [x, y] = [u as usize, v as usize];
+        let [fx, fy] = [u - x as f32, v - y as f32];
+        let i = y * self.columns + x;
+        let row = |i: usize| self.values[i].lerp(&self.values[i + 1], fx);
+        row(i).lerp(&row(i + self.columns), fy)
     }
 }

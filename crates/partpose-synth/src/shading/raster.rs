@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::scene::Texture;
 
-use super::leaves;
+use super::leaves::{self, Mask};
 use super::visible::{STEPS, Seen, Triangle, Triangles, material_of};
 
 /// Sample rows a band.
@@ -89,13 +89,9 @@ pub(super) fn draw(
                     band.draw(&triangles.opaque[*id as usize], |span, holes| {
                         let depths = &mut depths[span.from..span.to];
                         let ids = &mut ids[span.from..span.to];
-                        for (k, (depth, old)) in depths.iter_mut().zip(ids).enumerate() {
-                            let value = span.at(k);
-                            if value > *depth && holes.is_none_or(|holes| holes.is_there(k, value))
-                            {
-                                *depth = value;
-                                *old = *id;
-                            }
+                        match holes {
+                            None => span.set(depths, ids, *id),
+                            Some(holes) => span.set_where(holes, depths, ids, *id),
                         }
                     });
                 }
@@ -234,12 +230,14 @@ impl Band<'_> {
         let Texture::Leaves { cover, size } = material_of(seen, triangle.face).texture else {
             return None;
         };
+        let scale = f64::from(leaves::texels(size));
         let value = |axis: usize| {
-            [0, 1, 2]
-                .map(|i| f64::from(coordinates[i][axis]) * f64::from(triangle.inverse_depth[i]))
+            [0, 1, 2].map(|i| {
+                scale * f64::from(coordinates[i][axis]) * f64::from(triangle.inverse_depth[i])
+            })
         };
         let planes = [0, 1].map(|axis| Plane::of(triangle, corners, area, value(axis)));
-        Some(Holes { planes, cover, size })
+        Some(Holes { planes, mask: Mask::of(cover) })
     }
 }
 
@@ -325,18 +323,70 @@ struct Span {
     range: [f32; 2],
 }
 
+/// Samples of a row that are looked at together.
+const LANES: usize = 8;
+
 impl Span {
     #[inline]
     fn at(&self, k: usize) -> f32 {
-        (self.start + self.slope * k as f32).max(self.range[0]).min(self.range[1])
+        self.limited(self.start + self.slope * k as f32)
+    }
+
+    /// Within the range; a number that is none stays so.
+    #[inline]
+    fn limited(&self, value: f32) -> f32 {
+        let value = if value < self.range[0] { self.range[0] } else { value };
+        if value > self.range[1] { self.range[1] } else { value }
+    }
+
+    /// Notes a triangle where it lies before what was there.
+    #[inline]
+    fn set(&self, depths: &mut [f32], ids: &mut [u32], id: u32) {
+        for (k, (depth, old)) in depths.iter_mut().zip(ids).enumerate() {
+            let value = self.at(k);
+            let is_nearer = value > *depth;
+            *depth = if is_nearer { value } else { *depth };
+            *old = if is_nearer { id } else { *old };
+        }
+    }
+
+    /// The same for a triangle with holes. Whether there is a leaf is only asked for blocks of samples of which some
+    /// lie before what was there, and then without branches, which nothing could foretell.
+    #[inline]
+    fn set_where(&self, holes: &HolesRow, depths: &mut [f32], ids: &mut [u32], id: u32) {
+        let blocks = depths.chunks_mut(LANES).zip(ids.chunks_mut(LANES));
+        for (block, (depths, ids)) in blocks.enumerate() {
+            let first = (block * LANES) as f32;
+            let start = self.start + self.slope * first;
+            let mut values = [0.0_f32; LANES];
+            for (lane, value) in values.iter_mut().enumerate() {
+                *value = self.limited(start + self.slope * lane as f32);
+            }
+            let nearer = depths.iter().zip(&values);
+            if !nearer.fold(false, |any, (depth, value)| any || value > depth) {
+                continue;
+            }
+            let mut places = [[0.0_f32; LANES]; 2];
+            for (axis, places) in places.iter_mut().enumerate() {
+                let start = holes.start[axis] + holes.slope[axis] * first;
+                for (lane, place) in places.iter_mut().enumerate() {
+                    *place = (start + holes.slope[axis] * lane as f32) / values[lane];
+                }
+            }
+            for (lane, (depth, old)) in depths.iter_mut().zip(ids).enumerate() {
+                let is_leaf = holes.mask.is_leaf([places[0][lane], places[1][lane]]);
+                let is_seen = is_leaf && values[lane] > *depth;
+                *depth = if is_seen { values[lane] } else { *depth };
+                *old = if is_seen { id } else { *old };
+            }
+        }
     }
 }
 
-/// Leaves: their coordinates over depth.
+/// Leaves: their coordinates over depth, in texels of the mask.
 struct Holes {
     planes: [Plane; 2],
-    cover: f32,
-    size: f32,
+    mask: &'static Mask,
 }
 
 impl Holes {
@@ -344,8 +394,7 @@ impl Holes {
         HolesRow {
             start: [0, 1].map(|i| self.planes[i].unlimited(place) as f32),
             slope: [0, 1].map(|i| (self.planes[i].slope[0] * step as f64) as f32),
-            cover: self.cover,
-            size: self.size,
+            mask: self.mask,
         }
     }
 }
@@ -354,15 +403,5 @@ impl Holes {
 struct HolesRow {
     start: [f32; 2],
     slope: [f32; 2],
-    cover: f32,
-    size: f32,
-}
-
-impl HolesRow {
-    #[inline]
-    fn is_there(&self, k: usize, inverse_depth: f32) -> bool {
-        let depth = 1.0 / inverse_depth;
-        let [u, v] = [0, 1].map(|i| (self.start[i] + self.slope[i] * k as f32) * depth);
-        leaves::is_leaf(u, v, self.cover, self.size)
-    }
+    mask: &'static Mask,
 }

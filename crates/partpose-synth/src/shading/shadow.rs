@@ -17,7 +17,8 @@ use super::visible::{Bounds, is_glass};
 
 type V = Vector3<f32>;
 
-/// Texels a metre below which bodies are drawn by halves.
+/// Texels a metre below which meshes with fewer faces are drawn, and bodies by halves; at half as many texels meshes
+/// with still fewer faces.
 const COARSE: f32 = 22.0;
 
 /// Distances at which a cascade ends, metres.
@@ -201,10 +202,9 @@ fn place<'a>(
 
 fn draw_object(map: &mut DepthMap, placed: &Placed, low: [f32; 2], scale: f32) {
     let is_far = scale < COARSE;
-    let mesh = match &placed.object.mesh.coarse {
-        Some(coarse) if is_far => coarse,
-        _ => &placed.object.mesh,
-    };
+    // The coarse form of vehicles is finer than texels that ask for one.
+    let level = if placed.object.has_parts { 2.0 * COARSE / scale } else { COARSE / scale };
+    let mesh = placed.object.mesh.for_level(f64::from(level));
     let vertices = mesh.vertices.iter();
     let positions: Vec<V> = vertices
         .map(|p| {
@@ -237,9 +237,13 @@ fn draw_object(map: &mut DepthMap, placed: &Placed, low: [f32; 2], scale: f32) {
             continue;
         }
         if let Texture::Leaves { cover, size } = material.texture {
-            let coordinates = face
-                .map(|vertex| mesh.coordinates.get(vertex as usize).copied().unwrap_or_default());
-            map.draw_where(corners, coordinates, |[u, v]| leaves::is_leaf(u, v, cover, size));
+            let scale = leaves::texels(size);
+            let coordinates = face.map(|vertex| {
+                let own = mesh.coordinates.get(vertex as usize).copied().unwrap_or_default();
+                own.map(|value| value * scale)
+            });
+            let mask = leaves::Mask::of(cover);
+            map.draw_where(corners, coordinates, |place| mask.is_leaf(place));
         } else {
             map.draw(corners);
         }

@@ -69,41 +69,78 @@ pub(super) struct Pane {
     pub(super) tint: V,
 }
 
-impl<'a> Spot<'a> {
-    /// Where a viewing ray (camera coordinates, z = 1) meets the plane of a face.
-    pub(super) fn new(lighting: &Lighting, seen: &'a Seen<'a>, face: u32, ray: &V) -> Option<Self> {
+/// A face with what its places have in common, for neighbouring pixels that see the same.
+pub(super) struct Facet<'a> {
+    seen: &'a Seen<'a>,
+    material: &'a Material,
+    face: usize,
+    /// First corner and the two edges from it, camera coordinates.
+    corner: V,
+    edges: [V; 2],
+    /// Their products with which a ray gives the weights.
+    weighing: [V; 3],
+    /// Unit normal, axes of the world.
+    flat: V,
+    normals: Option<[V; 3]>,
+    coordinates: [[f32; 2]; 3],
+    open: [f32; 3],
+    is_vehicle: bool,
+}
+
+impl<'a> Facet<'a> {
+    pub(super) fn new(lighting: &Lighting, seen: &'a Seen<'a>, face: u32) -> Option<Self> {
         let mesh = seen.mesh;
         let corners = mesh.faces.get(face as usize)?;
         let [a, b, c] = corners.map(|i| seen.positions[i as usize]);
-        // Moeller and Trumbore, for a ray from the origin.
         let [ab, ac] = [b - a, c - a];
-        let across = ray.cross(&ac);
-        let det = ab.dot(&across);
+        let across = ab.cross(&ac);
+        let flat = (lighting.world_from_camera * across).try_normalize(0.0);
+        let normals = match corners.map(|i| mesh.normals.get(i as usize)) {
+            [Some(a), Some(b), Some(c)] => Some([*a, *b, *c]),
+            _ => None,
+        };
+        Some(Self {
+            seen,
+            material: material_of(seen, face),
+            face: face as usize,
+            corner: a,
+            edges: [ab, ac],
+            weighing: [across, ac.cross(&a), a.cross(&ab)],
+            flat: flat.unwrap_or_else(|| -V::y()),
+            normals,
+            coordinates: corners
+                .map(|i| mesh.coordinates.get(i as usize).copied().unwrap_or_default()),
+            open: corners.map(|i| mesh.openness.get(i as usize).copied().unwrap_or(1.0)),
+            is_vehicle: matches!(
+                seen.object.class,
+                SegmentClass::Car | SegmentClass::Van | SegmentClass::Truck
+            ),
+        })
+    }
+
+    /// Where a viewing ray (camera coordinates, z = 1) meets the plane of the face.
+    pub(super) fn spot(&self, lighting: &Lighting, ray: &V) -> Option<Spot<'a>> {
+        // Moeller and Trumbore, for a ray from the origin.
+        let det = ray.dot(&self.weighing[0]);
         if det == 0.0 {
             return None;
         }
         let inverse = 1.0 / det;
-        let wb = (-a.dot(&across) * inverse).clamp(0.0, 1.0);
-        let around = (-a).cross(&ab);
-        let wc = (ray.dot(&around) * inverse).clamp(0.0, 1.0 - wb);
+        let wb = (ray.dot(&self.weighing[1]) * inverse).clamp(0.0, 1.0);
+        let wc = (ray.dot(&self.weighing[2]) * inverse).clamp(0.0, 1.0 - wb);
         let weights = [1.0 - wb - wc, wb, wc];
-        let place_in_camera = a + ab * wb + ac * wc;
+        let place_in_camera = self.corner + self.edges[0] * wb + self.edges[1] * wc;
         let depth = place_in_camera.z.max(0.05);
         let from_eye = lighting.world_from_camera * place_in_camera;
         let to_eye = from_eye / -from_eye.norm().max(1e-6);
         let place = from_eye + lighting.shift;
-        let flat = lighting.world_from_camera * ab.cross(&ac);
-        let flat = flat.try_normalize(0.0).unwrap_or_else(|| -V::y());
-        let mixed = |values: [V; 3]| {
-            values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2]
-        };
-        let normal = match corners.map(|i| mesh.normals.get(i as usize)) {
-            [Some(a), Some(b), Some(c)] => {
-                (seen.world_from_normal * mixed([*a, *b, *c])).try_normalize(1e-12).unwrap_or(flat)
-            }
-            _ => flat,
-        };
-        let is_behind = flat.dot(&to_eye) < 0.0;
+        let flat = self.flat;
+        let normal = self.normals.map_or(flat, |[a, b, c]| {
+            let mixed = a * weights[0] + b * weights[1] + c * weights[2];
+            (self.seen.world_from_normal * mixed).try_normalize(1e-12).unwrap_or(flat)
+        });
+        let facing_flat = flat.dot(&to_eye);
+        let is_behind = facing_flat < 0.0;
         let mut normal = if is_behind { -normal } else { normal };
         // A smooth normal may look away where the face does not.
         let facing = normal.dot(&to_eye);
@@ -113,29 +150,29 @@ impl<'a> Spot<'a> {
         let mix = |values: [f32; 3]| {
             values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2]
         };
-        let coordinates = [0, 1].map(|axis| {
-            mix(corners.map(|i| mesh.coordinates.get(i as usize).map_or(0.0, |pair| pair[axis])))
-        });
-        let open = mix(corners.map(|i| mesh.openness.get(i as usize).copied().unwrap_or(1.0)));
-        let cos = flat.dot(&to_eye).abs().max(0.03);
-        Some(Self {
-            seen,
-            material: material_of(seen, face),
-            face: face as usize,
+        let [a, b, c] = self.coordinates;
+        Some(Spot {
+            seen: self.seen,
+            material: self.material,
+            face: self.face,
             weights,
             place,
             depth,
             to_eye,
             normal,
-            footprint: depth * lighting.pixel / cos.sqrt(),
-            coordinates,
-            open,
+            footprint: depth * lighting.pixel / facing_flat.abs().max(0.03).sqrt(),
+            coordinates: [mix([a[0], b[0], c[0]]), mix([a[1], b[1], c[1]])],
+            open: mix(self.open),
             is_behind,
-            is_vehicle: matches!(
-                seen.object.class,
-                SegmentClass::Car | SegmentClass::Van | SegmentClass::Truck
-            ),
+            is_vehicle: self.is_vehicle,
         })
+    }
+}
+
+impl<'a> Spot<'a> {
+    /// Where a viewing ray (camera coordinates, z = 1) meets the plane of a face.
+    pub(super) fn new(lighting: &Lighting, seen: &'a Seen<'a>, face: u32, ray: &V) -> Option<Self> {
+        Facet::new(lighting, seen, face)?.spot(lighting, ray)
     }
 
     /// Share of the pixel that gaps between panels and seals cover.

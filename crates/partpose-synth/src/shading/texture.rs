@@ -87,7 +87,7 @@ fn asphalt(local: &mut Local, u: f32, v: f32, footprint: f32) {
     let broad = smooth(u * 0.06, v * 0.21, 14) - 0.5;
     // Wheels polish two tracks of every lane of 3.5 m.
     let tracks = (std::f32::consts::TAU * v / 1.75).cos();
-    let shade = 1.0 + 0.55 * grain + 0.35 * stones + 0.32 * patches + 0.22 * broad - 0.035 * tracks;
+    let shade = 1.0 + 0.55 * grain + 0.35 * stones + 0.42 * patches + 0.34 * broad - 0.055 * tracks;
     local.color *= shade.max(0.3);
     local.roughness = (local.roughness - 0.12 * patches - 0.05 * tracks).clamp(0.2, 1.0);
     // Cracks run where a slow noise passes its mean, and only in some regions.
@@ -219,24 +219,49 @@ fn rim(local: &mut Local, [u, v]: [f32; 2], spokes: u8, cover: f32) {
     }
 }
 
+/// Letters and digits of three by five strokes, rows from the top, the left stroke in the highest of three bits.
+const GLYPHS: [[u8; 5]; 20] = [
+    [7, 5, 5, 5, 7], // 0
+    [2, 6, 2, 2, 7], // 1
+    [7, 1, 7, 4, 7], // 2
+    [7, 1, 3, 1, 7], // 3
+    [5, 5, 7, 1, 1], // 4
+    [7, 4, 7, 1, 7], // 5
+    [7, 4, 7, 5, 7], // 6
+    [7, 1, 2, 2, 2], // 7
+    [7, 5, 7, 5, 7], // 8
+    [7, 5, 7, 1, 7], // 9
+    [2, 5, 7, 5, 5], // A
+    [6, 5, 6, 5, 6], // B
+    [7, 4, 4, 4, 7], // C
+    [7, 4, 6, 4, 7], // E
+    [5, 5, 7, 5, 5], // H
+    [5, 5, 6, 5, 5], // K
+    [4, 4, 4, 4, 7], // L
+    [7, 5, 7, 4, 4], // P
+    [7, 2, 2, 2, 2], // T
+    [5, 5, 5, 5, 7], // U
+];
+
 fn plate(local: &mut Local, [u, v]: [f32; 2], seed: u32, footprint: f32) {
     let blue = u < -0.222;
     if blue {
         local.color = V::new(0.01, 0.05, 0.35);
         return;
     }
-    // Characters: eight fields of a grid of strokes, some of which are black.
+    // Eight fields: letters, a gap, then digits.
     let column = ((u + 0.205) / 0.051).floor();
-    let in_row = v.abs() < 0.038;
     let x = (u + 0.205) - column * 0.051;
-    if !in_row || !(0.0..8.0).contains(&column) || x > 0.040 {
+    if v.abs() > 0.04 || !(0.0..8.0).contains(&column) || x > 0.0405 {
         return;
     }
     let seen = sharpness(footprint, 0.02);
-    let dot =
-        |x: f32, y: f32| cell((x / 0.0135) as i32 + 3 * column as i32, (y / 0.016) as i32, seed);
-    let is_gap = column as i32 == 2 + (seed % 2) as i32;
-    let is_ink = !is_gap && dot(x, v + 0.04) % 100 < 62;
-    let ink = if is_gap { 0.0 } else { 0.55 + seen * (f32::from(u8::from(is_ink)) - 0.55) };
+    let column = column as u32;
+    let gap = 2 + seed % 2;
+    let pick = cell(column as i32, 0, seed) % 10;
+    let glyph = GLYPHS[if column < gap { 10 + pick } else { pick } as usize];
+    let [stroke, row] = [(x / 0.0135) as usize, ((0.04 - v) / 0.016) as usize];
+    let is_ink = glyph[row.min(4)] >> (2 - stroke.min(2)) & 1 == 1;
+    let ink = if column == gap { 0.0 } else { 0.62 + seen * (f32::from(u8::from(is_ink)) - 0.62) };
     local.color *= 1.0 - 0.95 * ink;
 }

@@ -11,6 +11,9 @@ use super::shapes::{P, Shape, V, p};
 use super::stuff::{Prop, noisy, textured};
 use crate::scene::{Material, SegmentClass, SurfaceMesh, Texture};
 
+/// Slot of the leaves among a plant's materials.
+const LEAVES: u16 = 1;
+
 /// Kinds of trees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Species {
@@ -48,12 +51,9 @@ pub(crate) fn tree(seed: u64, species: Species) -> Prop {
     let tint = rng.random_range(0.8_f32..1.25);
     let warm = rng.random_range(0.9_f32..1.35);
     let leaf = [leaves[0] * tint * warm, leaves[1] * tint, leaves[2] * tint];
-    let mesh = match species {
-        Species::Fir => shape.finish(),
-        Species::Street | Species::Forest => with_fewer_leaves(shape),
-    };
+    let every = if species == Species::Fir { [2, 6] } else { [3, 9] };
     Prop {
-        mesh,
+        mesh: with_fewer_leaves(shape, every),
         materials: [
             noisy([0.10, 0.075, 0.055], [0.045, 0.036, 0.028], 0.25),
             foliage(leaf, if species == Species::Fir { 0.5 } else { 0.55 }, 0.10),
@@ -130,42 +130,49 @@ fn fir_crown(shape: &mut Shape, rng: &mut ChaCha8Rng, height: f32) {
     }
 }
 
-/// The mesh with its far form: every third card, larger, and of the wood only the trunk.
-fn with_fewer_leaves(shape: Shape) -> Arc<SurfaceMesh> {
-    const KEPT: usize = 3;
-    const GROWTH: f32 = 1.5;
+/// The mesh with its far forms, which keep every so manieth card of leaves.
+fn with_fewer_leaves(shape: Shape, [far, farther]: [usize; 2]) -> Arc<SurfaceMesh> {
     let mut mesh = Arc::unwrap_or_clone(shape.finish());
-    let mut coarse = SurfaceMesh { vertices: mesh.vertices.clone(), ..SurfaceMesh::default() };
-    coarse.normals.clone_from(&mesh.normals);
-    coarse.coordinates.clone_from(&mesh.coordinates);
-    coarse.openness.clone_from(&mesh.openness);
-    let mut cards = 0;
-    for (i, face) in mesh.faces.iter().enumerate() {
-        let is_leaf = mesh.materials[i] == 1;
-        // A card is two faces over four vertices of its own.
-        let first = face.iter().min().copied().unwrap_or(0) as usize;
-        let is_new = is_leaf
-            && mesh.materials.get(i + 1) == Some(&1)
-            && face[0] as usize == first
-            && mesh.faces[i + 1].iter().min() == face.iter().min();
-        cards += usize::from(is_new);
-        if is_leaf != (cards > 0) || (is_leaf && cards % KEPT != 0) {
-            continue;
-        }
-        if is_new {
-            let corners = first..first + 4;
-            let middle = mesh.vertices[corners.clone()].iter().map(|p| p.coords).sum::<V>() * 0.25;
-            for vertex in corners {
-                let p = mesh.vertices[vertex].coords;
-                coarse.vertices[vertex] = (middle + (p - middle) * GROWTH).into();
-            }
-        }
-        coarse.faces.push(*face);
-        coarse.materials.push(mesh.materials[i]);
-        coarse.parts.push(0);
-    }
+    let mut coarse = fewer_leaves(&mesh, far);
+    coarse.coarse = Some(Arc::new(fewer_leaves(&mesh, farther)));
     mesh.coarse = Some(Arc::new(coarse));
     Arc::new(mesh)
+}
+
+/// One of `every` cards, grown so that nearly the same area is left, and of the wood what comes before the first card.
+fn fewer_leaves(mesh: &SurfaceMesh, every: usize) -> SurfaceMesh {
+    const LEFT: f32 = 0.75;
+    let growth = (LEFT * every as f32).sqrt();
+    let mut fewer = SurfaceMesh::default();
+    let copy = |fewer: &mut SurfaceMesh, face: &[u32; 3], place: &dyn Fn(V) -> V| {
+        let start = fewer.vertices.len() as u32;
+        for vertex in face.map(|i| i as usize) {
+            fewer.vertices.push(place(mesh.vertices[vertex].coords).into());
+            fewer.normals.push(mesh.normals[vertex]);
+            fewer.coordinates.push(mesh.coordinates[vertex]);
+            fewer.openness.push(mesh.openness[vertex]);
+        }
+        fewer.faces.push([start, start + 1, start + 2]);
+        fewer.parts.push(0);
+    };
+    let wood = mesh.materials.iter().position(|slot| *slot == LEAVES).unwrap_or(mesh.faces.len());
+    for face in &mesh.faces[..wood] {
+        copy(&mut fewer, face, &|p| p);
+        fewer.materials.push(0);
+    }
+    let leaves = mesh.faces.iter().zip(&mesh.materials).filter(|(_, slot)| **slot == LEAVES);
+    let leaves: Vec<&[u32; 3]> = leaves.map(|(face, _)| face).collect();
+    // A card is two faces that share their first corner and the one opposite of it.
+    for card in leaves.chunks_exact(2).step_by(every) {
+        let corner = |i: u32| mesh.vertices[i as usize].coords;
+        let across = card[0].iter().filter(|i| card[1].contains(i)).map(|i| corner(*i));
+        let middle = across.sum::<V>() * 0.5;
+        for face in card {
+            copy(&mut fewer, face, &|p| middle + (p - middle) * growth);
+            fewer.materials.push(LEAVES);
+        }
+    }
+    fewer
 }
 
 /// A bush about 1.5 m wide and 1.2 m high.
@@ -185,7 +192,7 @@ pub(crate) fn bush(seed: u64) -> Prop {
     let leaf = [0.05 * tint, 0.10 * tint, 0.022 * tint];
     let material = foliage(leaf, 0.6, 0.05);
     let materials = [material, material].into();
-    Prop { mesh: shape.finish(), materials, class: SegmentClass::Vegetation }
+    Prop { mesh: with_fewer_leaves(shape, [3, 9]), materials, class: SegmentClass::Vegetation }
 }
 
 /// A piece of hedge, 4 m long along z, 1.5 m high.
@@ -210,7 +217,7 @@ pub(crate) fn hedge(seed: u64) -> Prop {
     let leaf = [0.035 * tint, 0.075 * tint, 0.018 * tint];
     let inside = noisy([leaf[0] * 0.5, leaf[1] * 0.5, leaf[2] * 0.5], [0.008, 0.014, 0.006], 0.2);
     Prop {
-        mesh: shape.finish(),
+        mesh: with_fewer_leaves(shape, [3, 9]),
         materials: [inside, foliage(leaf, 0.6, 0.045)].into(),
         class: SegmentClass::Vegetation,
     }
@@ -236,7 +243,7 @@ pub(crate) fn tuft(seed: u64) -> Prop {
     let blade = [0.06 + 0.10 * dry, 0.11 + 0.05 * dry, 0.025 + 0.02 * dry];
     let material = foliage(blade, 0.45, 0.05);
     Prop {
-        mesh: shape.finish(),
+        mesh: with_fewer_leaves(shape, [3, 8]),
         materials: [material, material].into(),
         class: SegmentClass::Vegetation,
     }
@@ -255,7 +262,7 @@ fn card(shape: &mut Shape, rng: &mut ChaCha8Rng, center: P, (out, open): (V, f32
         center + (u + v) * half,
         center - (u - v) * half,
     ];
-    shape.leaf_card(corners, start, (out, open), 1);
+    shape.leaf_card(corners, start, (out, open), LEAVES);
 }
 
 /// A unit vector, every direction as likely.

@@ -154,8 +154,13 @@ impl Layout {
             };
             let world_from_vehicle = world_from_camera * label.cuboid.camera_from_vehicle;
             let moving = self.moves(index, label, &world_from_vehicle);
-            let place =
-                Place { index: i64::from(number), world_from_vehicle, moving, braking: false };
+            let place = Place {
+                index: i64::from(number),
+                world_from_vehicle,
+                moving,
+                speed: 0.0,
+                braking: false,
+            };
             found.push(Candidate::Vehicle { vehicle, place, track: number });
         }
         found

@@ -48,6 +48,8 @@ pub(crate) struct Place {
     pub(crate) world_from_vehicle: Pose,
     /// Whether it moves.
     pub(crate) moving: bool,
+    /// How fast, ahead, m/s.
+    pub(crate) speed: f64,
     /// Whether it brakes.
     pub(crate) braking: bool,
 }
@@ -113,6 +115,7 @@ impl Lane {
                 index,
                 world_from_vehicle: self.pose(path, seed, index, along, time),
                 moving: pace > 0.02,
+                speed: pace,
                 braking: self.speed > 0.0 && self.pace(seed, own_time + 0.3) < pace - 0.2,
             });
         }

@@ -7,7 +7,9 @@ use rayon::prelude::*;
 
 use crate::dataset::{DatasetError, Frame, VehicleLabel};
 use crate::detection::Detection;
-use crate::oracle::{Degradation, Oracle, OracleBox, OracleOptions, strength_for_accuracy};
+use crate::oracle::{
+    Degradation, HeadErrors, Oracle, OracleBox, OracleOptions, strength_for_accuracy,
+};
 use crate::parts::Scaling;
 use crate::pose::dense::SizePrior;
 use crate::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator, PoseOptions};
@@ -53,6 +55,8 @@ pub struct EvaluationOptions<'a> {
     pub extent: TruthExtent,
     /// Which boxes detections get.
     pub bounds: OracleBox,
+    /// What the oracle's detections say of sizes and models.
+    pub heads: HeadErrors,
     /// Which labelled vehicles of a frame count; rows to ignore never do, nor with the oracle those whose models the zoo
     /// lacks.
     pub include: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
@@ -63,6 +67,8 @@ pub struct EvaluationOptions<'a> {
     pub keep_detections: &'a (dyn Fn(&Frame, usize) -> bool + Sync),
     /// How the vehicles of a frame are fitted together; each alone if not given.
     pub scene: Option<SceneProtocol>,
+    /// Whether parts are compared with the model, too.
+    pub observe: bool,
 }
 
 /// What became of one vehicle under one configuration.
@@ -137,6 +143,7 @@ fn evaluate_frame(
             None => vehicles.iter().map(|v| alone(frame, *v, options, &oracle, stage)).collect(),
         };
         fitted.retain(|fitted| vehicles.contains(&fitted.vehicle));
+        observe(frame, options, estimator, &mut fitted);
         let one = |fitted: Fitted| {
             let outcome = outcome(frame, fitted, options, (Some(&oracle), configuration));
             VehicleOutcome { detection: outcome.detection.filter(|_| keep), ..outcome }
@@ -168,6 +175,7 @@ fn alone(
         kernel: configuration.kernel,
         bounds: options.bounds,
         degradation: configuration.degradation,
+        heads: options.heads,
     };
     by_itself(frame, vehicle, options, oracle.detection(vehicle, &oracle_options), estimator)
 }
@@ -247,7 +255,7 @@ fn evaluate_found(
         .collect();
     let run = |(index, (configuration, estimator)): (usize, (&Configuration, &PoseEstimator))| {
         let keep = (options.keep_detections)(frame, index);
-        let fitted = match &options.scene {
+        let mut fitted: Vec<Fitted> = match &options.scene {
             Some(protocol) => {
                 scene::fit_detections(frame, options, protocol, assigned.clone(), estimator)
             }
@@ -258,6 +266,7 @@ fn evaluate_found(
                 })
                 .collect(),
         };
+        observe(frame, options, estimator, &mut fitted);
         let one = |fitted: Fitted| {
             let outcome = outcome(frame, fitted, options, (oracle.as_ref(), configuration));
             VehicleOutcome { detection: outcome.detection.filter(|_| keep), ..outcome }
@@ -265,6 +274,20 @@ fn evaluate_found(
         fitted.into_iter().map(one).collect()
     };
     Ok(configurations.iter().zip(estimators).enumerate().map(run).collect())
+}
+
+/// Compares the parts of every vehicle with its model, if that is asked for.
+fn observe(
+    frame: &Frame,
+    options: &EvaluationOptions,
+    estimator: &PoseEstimator,
+    fitted: &mut [Fitted],
+) {
+    for one in fitted.iter_mut().filter(|_| options.observe) {
+        if let (Ok(estimate), Some(detection)) = (&mut one.estimate, &one.detection) {
+            estimator.observe(&frame.camera, detection, estimate);
+        }
+    }
 }
 
 /// A fit against the truth; `oracle` knows the true part mask.
@@ -340,6 +363,7 @@ pub fn calibrate(
             kernel: configuration.kernel,
             bounds: options.bounds,
             degradation: Some(Degradation { strength, seed }),
+            heads: HeadErrors::default(),
         };
         let accuracies: Vec<f64> = oracles
             .par_iter()

@@ -96,6 +96,7 @@ fn detections(
         kernel: configuration.kernel,
         bounds: options.bounds,
         degradation: configuration.degradation,
+        heads: options.heads,
     };
     let shown = (0..frame.vehicles.len()).filter(|index| !frame.vehicles[*index].dont_care);
     let detection = |vehicle: usize| {

@@ -108,6 +108,8 @@ pub struct Stratum {
     pub occluded: u8,
     /// The data set's level, 0 to 2.
     pub truncated: u8,
+    /// Visible pixels over pixels of the box, where the data set has it: what is hidden, in steps.
+    pub occupancy: Option<f64>,
 }
 
 /// Scores by distance, occlusion and truncation.
@@ -131,6 +133,14 @@ pub fn breakdown(scored: &[(Stratum, Scored)]) -> Vec<(String, PoseScores)> {
         rows.push(pick(occluded, &|s| s.occluded.min(1) == level));
         rows.push(pick(truncated, &|s| s.truncated.min(1) == level));
     }
+    for [low, high] in [[0, 30], [30, 60], [60, 100]] {
+        let inside = move |share: f64| {
+            let percent = 100.0 * share;
+            percent >= f64::from(low) && (percent < f64::from(high) || high == 100)
+        };
+        let name = format!("fills {low} to {high} % of its box");
+        rows.push(pick(&name, &|s| s.occupancy.is_some_and(inside)));
+    }
     rows.into_iter().flatten().collect()
 }
 
@@ -153,9 +163,10 @@ mod tests {
 
     #[test]
     fn breakdown_leaves_out_what_is_empty() {
-        let stratum = Stratum { depth: 12.0, occluded: 1, truncated: 0 };
+        let stratum = Stratum { depth: 12.0, occluded: 1, truncated: 0, occupancy: Some(0.4) };
         let rows = breakdown(&[(stratum, None)]);
         let names: Vec<&str> = rows.iter().map(|(name, _)| name.as_str()).collect();
-        assert_eq!(names, ["all", "10 to 20 m", "not truncated", "occluded"]);
+        let filled = "fills 30 to 60 % of its box";
+        assert_eq!(names, ["all", "10 to 20 m", "not truncated", "occluded", filled]);
     }
 }

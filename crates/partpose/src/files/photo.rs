@@ -208,6 +208,19 @@ mod tests {
         assert_eq!(photo(&deep).unwrap().image.pixels, [255, 128, 0]);
     }
 
+    /// A red square that Pillow saved: `Image.new("CMYK", (16, 16), (0, 255, 255, 0))`.
+    const CMYK: &[u8] = include_bytes!("../../tests/data/cmyk.jpg");
+
+    #[test]
+    fn inks_become_rgb() {
+        let image = photo(CMYK).unwrap().image;
+        let far = |(a, b): (&u8, u8)| a.abs_diff(b) > 3;
+        assert_eq!(image.size, [16, 16]);
+        let red = [255, 0, 0].into_iter().cycle();
+        assert!(!image.pixels.iter().zip(red).any(far), "{:?}", &image.pixels[..3]);
+        assert!(photo(&CMYK[..CMYK.len() / 2]).is_err());
+    }
+
     #[test]
     fn what_is_no_picture_or_half_of_one_is_an_error() {
         assert!(photo(b"").is_err());

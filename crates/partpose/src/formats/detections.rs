@@ -1,9 +1,11 @@
 //! Detections as safetensors: the seam between any detector and the pose stage.
 //!
 //! Tensors `boxes [N, 4]`, `scores [N]`, `part_probabilities [N, 30, m, m]`, optionally `unknown [N, m, m]`,
-//! `extents [N, 3]` and `image [N]`; the metadata key `images` holds the image names as a JSON list. Boxes are `x_min, y_min, x_max, y_max` in
-//! pixels with pixel centres at integers; the metadata `pixel_origin = "corner"` says that 0 is the first pixel's edge,
-//! as in torchvision and Ultralytics.
+//! `image [N]` and what [`heads`] reads; the metadata key `images` holds the image names as a JSON list. Boxes are
+//! `x_min, y_min, x_max, y_max` in pixels with pixel centres at integers; the metadata `pixel_origin = "corner"` says
+//! that 0 is the first pixel's edge, as in torchvision and Ultralytics.
+
+mod heads;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -13,7 +15,7 @@ use safetensors::{Dtype, SafeTensors};
 
 use crate::detection::Detection;
 use crate::files::{self, FileError};
-use crate::geometry::{Extent, Rect};
+use crate::geometry::Rect;
 use crate::parts::{CHANNELS, PartProbabilities, ProbabilityError};
 
 /// Largest kernel that is believed.
@@ -73,8 +75,6 @@ pub struct DetectionFile {
     pub images: Vec<String>,
     /// Each with the index of its image, in the order of the file.
     pub detections: Vec<(usize, Detection)>,
-    /// The sizes of the vehicles where they are known, one a detection.
-    pub extents: Option<Vec<Extent>>,
 }
 
 /// Reads a file of detections.
@@ -109,7 +109,8 @@ pub fn read_detections(path: &Path) -> Result<DetectionFile, DetectionFileError>
         }
         None => None,
     };
-    let extents = read_extents(&reader, count)?;
+    let mut sizes = heads::read_sizes(&reader, count)?;
+    let mut models = heads::read_models(&reader, &metadata, count)?;
     let images = image_names(&reader, &metadata)?;
     let image_of = reader.image_indices(count, images.len())?;
     let shift = match metadata.get("pixel_origin").map(String::as_str) {
@@ -127,8 +128,7 @@ pub fn read_detections(path: &Path) -> Result<DetectionFile, DetectionFileError>
         let b: [f64; 4] = std::array::from_fn(|i| f64::from(boxes[4 * index + i]) + shift);
         let bounds = Rect::new(b[0], b[1], b[2], b[3]);
         let score = f64::from(scores[index]);
-        let wrong =
-            |reason: String| DetectionFileError::Detection { path: path.to_owned(), index, reason };
+        let wrong = |reason: String| reader.detection_error(index, reason);
         if !b.iter().all(|value| value.is_finite() && value.abs() < 1e6) {
             return Err(wrong(format!("has the box {b:?}, which is not four sensible numbers")));
         }
@@ -149,9 +149,11 @@ pub fn read_detections(path: &Path) -> Result<DetectionFile, DetectionFileError>
         if unknown.iter().flatten().any(|share| !(0.0..=1.0).contains(share)) {
             return Err(wrong("has an unknown share that is not between 0 and 1".to_owned()));
         }
-        detections.push((image_of[index], Detection { bounds, score, probabilities, unknown }));
+        let (size, models) = (sizes[index].take(), models[index].take());
+        let detection = Detection { bounds, score, probabilities, unknown, size, models };
+        detections.push((image_of[index], detection));
     }
-    Ok(DetectionFile { images, detections, extents })
+    Ok(DetectionFile { images, detections })
 }
 
 /// Writes detections so that [`read_detections`] gives them back; all kernels must have one size.
@@ -174,8 +176,17 @@ pub fn write_detections(path: &Path, file: &DetectionFile) -> Result<(), Detecti
     let known = vec![0.0; m * m];
     let unknown =
         bytes(&mut all().flat_map(|d| d.unknown.as_ref().unwrap_or(&known).iter().copied()));
-    let sides = file.extents.iter().flatten().flat_map(|e| [e.width, e.height, e.length]);
-    let extents = bytes(&mut sides.map(|side| side as f32));
+    let (extents, sigmas) = heads::size_rows(all()).unzip();
+    let extents = extents.map(|rows| bytes(&mut rows.into_iter()));
+    let sigmas = sigmas.flatten().map(|rows| bytes(&mut rows.into_iter()));
+    let (models, names_of_models) = heads::model_rows(all())
+        .map_err(|index| {
+            let reason = "has probabilities of other models than the detections before".to_owned();
+            DetectionFileError::Detection { path: path.to_owned(), index, reason }
+        })?
+        .unzip();
+    let models = models.map(|rows| bytes(&mut rows.into_iter()));
+    let model_count = names_of_models.as_ref().map_or(0, |names| names.len());
     let image: Vec<u8> =
         file.detections.iter().flat_map(|(index, _)| (*index as i64).to_le_bytes()).collect();
     let view = |dtype, shape: &[usize], bytes| {
@@ -190,11 +201,18 @@ pub fn write_detections(path: &Path, file: &DetectionFile) -> Result<(), Detecti
     if all().any(|d| d.unknown.is_some()) {
         tensors.push(("unknown", view(Dtype::F32, &[count, m, m], &unknown)));
     }
-    if file.extents.is_some() {
-        tensors.push(("extents", view(Dtype::F32, &[count, 3], &extents)));
+    for (name, width, bytes) in [
+        ("extents", 3, &extents),
+        ("extent_sigma", 3, &sigmas),
+        ("model_probabilities", model_count, &models),
+    ] {
+        if let Some(bytes) = bytes {
+            tensors.push((name, view(Dtype::F32, &[count, width], bytes)));
+        }
     }
-    let names = serde_json::to_string(&file.images).expect("a list of texts is JSON");
-    let metadata = HashMap::from([("images".to_owned(), names)]);
+    let list = |names: &[String]| serde_json::to_string(names).expect("a list of texts is JSON");
+    let mut metadata = HashMap::from([("images".to_owned(), list(&file.images))]);
+    metadata.extend(names_of_models.map(|names| ("models".to_owned(), list(&names))));
     let bytes = safetensors::serialize(tensors, Some(metadata))
         .map_err(|source| DetectionFileError::Container { path: path.to_owned(), source })?;
     Ok(files::write(path, &bytes)?)
@@ -224,28 +242,6 @@ fn check_sums(reader: &Reader, probabilities: &[f32], m: usize) -> Result<(), De
     Err(reader.tensor_error("part_probabilities", reason))
 }
 
-/// Largest side of a vehicle that is believed, metres.
-const MAX_SIDE: f32 = 100.0;
-
-fn read_extents(reader: &Reader, count: usize) -> Result<Option<Vec<Extent>>, DetectionFileError> {
-    let Some((shape, values)) = reader.optional("extents")? else { return Ok(None) };
-    reader.expect_shape("extents", &shape, &[count, 3])?;
-    let believed = |side: &f32| *side > 0.0 && *side <= MAX_SIDE;
-    if let Some(at) = values.iter().position(|side| !believed(side)) {
-        let reason = format!("has the extent {:?}", &values[at / 3 * 3..at / 3 * 3 + 3]);
-        return Err(DetectionFileError::Detection {
-            path: reader.path.to_owned(),
-            index: at / 3,
-            reason,
-        });
-    }
-    let extent = |sides: &[f32]| {
-        let [width, height, length] = [sides[0], sides[1], sides[2]].map(f64::from);
-        Extent::new(width, height, length)
-    };
-    Ok(Some(values.chunks_exact(3).map(extent).collect()))
-}
-
 fn image_names(
     reader: &Reader,
     metadata: &HashMap<String, String>,
@@ -271,6 +267,10 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn tensor_error(&self, tensor: &'static str, reason: String) -> DetectionFileError {
         DetectionFileError::Tensor { path: self.path.to_owned(), tensor, reason }
+    }
+
+    fn detection_error(&self, index: usize, reason: String) -> DetectionFileError {
+        DetectionFileError::Detection { path: self.path.to_owned(), index, reason }
     }
 
     fn expect_shape(
@@ -351,6 +351,8 @@ fn numbers_of<const N: usize, T>(data: &[u8], read: impl Fn([u8; N]) -> T) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::detection::{DetectedSize, ModelProbabilities};
+    use crate::geometry::Extent;
     use proptest::prelude::*;
 
     fn file() -> DetectionFile {
@@ -358,20 +360,20 @@ mod tests {
             let mut values = vec![0.0; CHANNELS * 4];
             values[..4].fill(0.25);
             values[4 * 5..4 * 6].fill(0.75);
-            Detection {
-                bounds: Rect::new(x, 2.0, x + 30.0, 20.5),
-                score: 0.5,
-                probabilities: PartProbabilities::new(2, values).unwrap(),
-                unknown,
-            }
+            let probabilities = PartProbabilities::new(2, values).unwrap();
+            let bounds = Rect::new(x, 2.0, x + 30.0, 20.5);
+            Detection { unknown, ..Detection::new(bounds, 0.5, probabilities) }
         };
+        let mut looked_at = detection(7.5, Some(vec![0.0; 4]));
+        looked_at.size = Some(DetectedSize {
+            extent: Extent::new(1.75, 1.5, 4.5),
+            sigma: [0.0625, 0.125, 0.25],
+        });
+        let names = ["sedan".to_owned(), "van".to_owned()].into();
+        looked_at.models = Some(ModelProbabilities { names, values: vec![0.75, 0.25] });
         DetectionFile {
             images: vec!["a.png".to_owned(), "b.png".to_owned()],
-            detections: vec![
-                (1, detection(1.0, Some(vec![0.0, 0.5, 1.0, 0.0]))),
-                (0, detection(7.5, Some(vec![0.0; 4]))),
-            ],
-            extents: Some(vec![Extent::new(1.75, 1.5, 4.5), Extent::new(2.0, 1.25, 4.0)]),
+            detections: vec![(1, detection(1.0, Some(vec![0.0, 0.5, 1.0, 0.0]))), (0, looked_at)],
         }
     }
 
@@ -417,6 +419,33 @@ mod tests {
             error.contains("tensor `image` holds 9, but the metadata `images` has 2 names"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn sizes_without_deviations_are_exact() {
+        let mut exact = file();
+        for (_, detection) in &mut exact.detections {
+            detection.size = Some(DetectedSize::exact(Extent::new(1.75, 1.5, 4.5)));
+            detection.models = None;
+        }
+        let bytes = bytes_of(&exact);
+        assert!(!String::from_utf8_lossy(&bytes).contains("extent_sigma"));
+        assert_eq!(read_bytes(&bytes).unwrap(), exact);
+    }
+
+    #[test]
+    fn heads_that_say_nonsense_are_named() {
+        let said = |change: &dyn Fn(&mut Detection)| {
+            let mut bad = file();
+            change(&mut bad.detections[1].1);
+            read_bytes(&bytes_of(&bad)).unwrap_err().to_string()
+        };
+        let error = said(&|one| one.size.as_mut().unwrap().extent.height = -1.0);
+        assert!(error.contains("detection 1 has the extent [1.75, -1.0, 4.5]"), "{error}");
+        let error = said(&|one| one.size.as_mut().unwrap().sigma[0] = -0.1);
+        assert!(error.contains("detection 1 has the extent_sigma"), "{error}");
+        let error = said(&|one| one.models.as_mut().unwrap().values[0] = 0.2);
+        assert!(error.contains("no distribution: [0.2, 0.25]"), "{error}");
     }
 
     proptest! {

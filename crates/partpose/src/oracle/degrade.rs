@@ -222,7 +222,7 @@ fn blur(kernel: &mut Kernel, sigma: f64) {
 }
 
 /// A standard normal number (Box and Muller, *A Note on the Generation of Random Normal Deviates*, 1958).
-fn normal(rng: &mut ChaCha8Rng) -> f64 {
+pub(super) fn normal(rng: &mut ChaCha8Rng) -> f64 {
     let u: f64 = 1.0 - rng.random::<f64>();
     let v: f64 = rng.random();
     (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
@@ -231,6 +231,7 @@ fn normal(rng: &mut ChaCha8Rng) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Extent;
     use crate::parts::{PartMask, Scaling};
 
     /// A vehicle of four quadrants with a small lamp, owned by vehicle 0, on a background.
@@ -251,7 +252,15 @@ mod tests {
                 owners[y * width + x] = 1;
             }
         }
-        Oracle { parts, owners, bounds: vec![Rect::new(15.0, 10.0, 105.0, 70.0)], frame_seed: 3 }
+        Oracle {
+            parts,
+            owners,
+            bounds: vec![Rect::new(15.0, 10.0, 105.0, 70.0)],
+            extents: vec![Extent::new(1.8, 1.5, 4.4)],
+            models: vec![None],
+            names: [].into(),
+            frame_seed: 3,
+        }
     }
 
     fn accuracy(strength: f64, seed: u64) -> f64 {

@@ -38,7 +38,7 @@ impl Kernel {
         let probabilities = PartProbabilities::new(self.size, self.areas)
             .expect("shares of a sum are probabilities");
         let unknown = self.unknown.iter().any(|share| *share > 0.0).then_some(self.unknown);
-        Detection { bounds, score: 1.0, probabilities, unknown }
+        Detection { unknown, ..Detection::new(bounds, 1.0, probabilities) }
     }
 }
 

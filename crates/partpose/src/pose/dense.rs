@@ -54,11 +54,17 @@ pub struct DenseOptions {
     pub mask_bias: Option<MaskBias>,
     /// Whether background deep inside a fitted vehicle is taken for something unlabelled in front of it.
     pub find_occluders: bool,
+    /// How much a detector's probabilities of models count beside the masks when models are compared: 0 for nothing,
+    /// 1 as if they were independent of the mask and honest.
+    pub model_weight: f64,
 }
+
+/// Probability below which a detector does not rule a model out further.
+const LEAST_PROBABILITY: f64 = 1e-3;
 
 impl Default for DenseOptions {
     fn default() -> Self {
-        Self { mask_bias: None, find_occluders: true }
+        Self { mask_bias: None, find_occluders: true, model_weight: 1.0 }
     }
 }
 
@@ -66,6 +72,7 @@ impl Default for DenseOptions {
 #[derive(Clone, Debug)]
 pub(super) struct DenseZoo {
     models: Vec<DenseModel>,
+    names: Vec<String>,
     options: DenseOptions,
 }
 
@@ -82,7 +89,9 @@ pub(super) struct DenseFit {
 
 impl DenseZoo {
     pub(super) fn new(zoo: &ModelZoo, options: &DenseOptions) -> Self {
-        Self { models: zoo.models.iter().map(DenseModel::new).collect(), options: *options }
+        let names = zoo.models.iter().map(|model| model.name().to_owned());
+        let models = zoo.models.iter().map(DenseModel::new);
+        Self { models: models.collect(), names: names.collect(), options: *options }
     }
 
     pub(super) fn fit(
@@ -103,7 +112,7 @@ impl DenseZoo {
         let mut pyramid = Pyramid::new(&target, camera, self.options.mask_bias);
         let outline = Outline::new(&pyramid.targets[1], camera)
             .ok_or(NoPose::TooLittleEvidence { found: foreground })?;
-        let candidates = self.candidates(extent, priors);
+        let candidates = self.candidates(detection, extent, priors);
         let mut work = Workspace::default();
         let mut found = models::search(&mut work, &pyramid, &outline, &candidates, &NARROW);
         let is_doubtful = |found: &[Hypothesis]| {
@@ -135,18 +144,39 @@ impl DenseZoo {
         })
     }
 
-    fn candidates<'a>(&'a self, extent: &ExtentSource, priors: &DensePriors) -> Vec<Candidate<'a>> {
+    fn candidates<'a>(
+        &'a self,
+        detection: &Detection,
+        extent: &ExtentSource,
+        priors: &DensePriors,
+    ) -> Vec<Candidate<'a>> {
         let priors = priors.usable();
-        let candidate = |model: &'a DenseModel| {
+        let candidate = |(model, against): (&'a DenseModel, f64)| {
             let own = &model.extent;
-            let half = own.to_vector().component_mul(&extent.scale(own)) * 0.5;
             let size = match extent {
-                ExtentSource::Free(prior) => SizeTerm::new(prior, own),
+                ExtentSource::Free(prior) => SizeTerm::new(prior, own, detection.size.as_ref()),
                 _ => None,
             };
-            Candidate { model, half, terms: Terms { priors, size, noise: uncertainty::NOISE } }
+            let given = || own.to_vector().component_mul(&extent.scale(own)) * 0.5;
+            let half = size.map_or_else(given, |size| size.half());
+            let noise = uncertainty::NOISE;
+            Candidate { model, half, terms: Terms { priors, size, model: against, noise } }
         };
-        self.models.iter().map(candidate).collect()
+        self.models.iter().zip(self.against(detection)).map(candidate).collect()
+    }
+
+    /// How much a detector speaks against each model, beside the one it thinks likeliest.
+    fn against(&self, detection: &Detection) -> Vec<f64> {
+        let weight = self.options.model_weight;
+        let Some(models) = detection.models.as_ref().filter(|_| weight > 0.0) else {
+            return vec![0.0; self.names.len()];
+        };
+        // Of a model that is not in the list nothing is known.
+        let unknown = 1.0 / models.names.len().max(1) as f64;
+        let of = |name: &String| models.of(name).unwrap_or(unknown).clamp(LEAST_PROBABILITY, 1.0);
+        let logarithms: Vec<f64> = self.names.iter().map(|name| weight * of(name).ln()).collect();
+        let best = logarithms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        logarithms.into_iter().map(|own| best - own).collect()
     }
 
     /// Fits again without what something unlabelled hides; says how much of the vehicle that is.
@@ -194,7 +224,7 @@ fn report(
     let is_free = candidate.terms.size.is_some();
     let size_is_unknown = matches!(asked.extent, ExtentSource::Model | ExtentSource::Free(_));
     let unfitted = (size_is_unknown && !is_free)
-        .then(|| SizeTerm::new(&SizePrior::around(None), &candidate.model.extent))
+        .then(|| SizeTerm::new(&SizePrior::around(None), &candidate.model.extent, None))
         .flatten();
     let energy = best.scored.data / foreground;
     let spread = uncertainty::covariance(work, &view, &best.scored, energy, unfitted.as_ref());

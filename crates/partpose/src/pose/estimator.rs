@@ -12,6 +12,7 @@ use crate::vehicle::{Mesh, ModelZoo};
 use super::dense::{DenseFit, DenseOptions, DensePriors, DenseReport, DenseZoo, SizePrior};
 use super::fit::{self, Fit, Problem};
 use super::observed::{self, PartState, Placed};
+use super::ranking::Ranking;
 use super::visible::{self, View, Viewpoint};
 use super::{Center2d, Center3d, PartFilters, model_centers, part_evidence};
 
@@ -55,6 +56,8 @@ pub struct PoseOptions {
     pub filters: PartFilters,
     /// Solver.
     pub method: PnpMethod,
+    /// What models are compared by; the dense fit always weighs all evidence.
+    pub ranking: Ranking,
     /// Whether Levenberg-Marquardt with a robust loss and each part's own covariance follows.
     pub refine: bool,
     /// Seed of whatever is random (only RANSAC with many points is).
@@ -71,6 +74,7 @@ impl Default for PoseOptions {
             center_3d: Center3d::Cuboid,
             filters: PartFilters::ALL,
             method: PnpMethod::Epnp,
+            ranking: Ranking::Error,
             refine: false,
             seed: 0,
             dense: DenseOptions::default(),
@@ -87,8 +91,8 @@ pub enum ExtentSource {
     Given(Extent),
     /// Every model is scaled by one factor to the volume of this extent, and keeps its shape.
     GivenUniform(Extent),
-    /// Every model starts with the likely size and is stretched by what the mask says; only the dense fit can, the
-    /// others take it as [`Self::Model`].
+    /// Every model starts with the likely size, to which [`Detection::size`] adds what was seen, and is stretched by what
+    /// the mask says. Only the dense fit can; the others take the size that was seen, else the model's own.
     Free(SizePrior),
 }
 
@@ -281,6 +285,11 @@ impl PoseEstimator {
         if let Some(dense) = &self.dense {
             return self.dense_estimate(dense.fit(camera, detection, extent, priors)?);
         }
+        // Points cannot stretch a model: what is seen of the size is taken as it is.
+        let extent = &match (extent, &detection.size) {
+            (ExtentSource::Free(_), Some(seen)) => ExtentSource::Given(seen.extent),
+            (extent, _) => *extent,
+        };
         let mask = detection.part_mask(camera.size, self.options.scaling);
         let mut parts = part_evidence(&mask, self.options.center_2d);
         let seen = parts.len();
@@ -295,7 +304,7 @@ impl PoseEstimator {
             .iter()
             .map(|model| self.fit(model, &problem, extent.scale(&model.extent), &mut renderer))
             .collect();
-        self.choose(fits, camera, extent)
+        self.choose(fits, &problem, extent)
     }
 
     /// What the detection's mask shows of each part, against the estimate's model at its pose; kept in
@@ -311,15 +320,20 @@ impl PoseEstimator {
         estimate.parts = observed::part_states(camera, detection, &placed);
     }
 
-    /// The model with the lowest error; of equals the first.
+    /// The model that least speaks against; of equals the first.
     fn choose(
         &self,
         fits: Vec<Result<Fit, NoPose>>,
-        camera: &Camera,
+        problem: &Problem,
         extent: &ExtentSource,
     ) -> Result<PoseEstimate, NoPose> {
-        let error = |fit: &Result<Fit, NoPose>| fit.as_ref().map_or(f64::INFINITY, |fit| fit.error);
-        let best = (0..fits.len()).min_by(|a, b| error(&fits[*a]).total_cmp(&error(&fits[*b])));
+        let camera = problem.camera;
+        let against = |index: &usize| {
+            let error = fits[*index].as_ref().map_or(f64::INFINITY, |fit| fit.error);
+            let model = (self.models[*index].name.as_str(), &self.models[*index].extent);
+            self.options.ranking.against(error, model, problem.detection, extent)
+        };
+        let best = (0..fits.len()).min_by(|a, b| against(a).total_cmp(&against(b)));
         let best = best.ok_or(NoPose::NoModel)?;
         let candidates = self.models.iter().zip(&fits).map(|(model, fit)| Candidate {
             model: model.name.clone(),

@@ -3,12 +3,16 @@
 //! The model is drawn on the cells of the kernel. A part agrees with it if the mask has it where the model has it, give
 //! or take a cell; it is missing (a mirror that is folded or torn off) if the model should show it and the mask does
 //! not, displaced (an open door) if the mask has it elsewhere, unexpected if the model should not show it.
+//!
+//! Small parts, such as mirrors of one to four cells, are judged by how reliable the mask is around them: with a share r
+//! of what is drawn nearby labelled otherwise, a part of n cells is missed by chance about `r^(1 + n / 4)` of the time
+//! (errors of masks reach over about four cells). It is called missing only where that is rare.
 
 use serde::Serialize;
 
 use crate::detection::Detection;
 use crate::geometry::{Camera, Point2, Point3, Pose, Rect, Vector3};
-use crate::parts::{PartClass, Scaling};
+use crate::parts::{CHANNELS, PartClass, Scaling};
 use crate::render::{Instance, LabelImage, LabelRenderer, RenderOptions};
 use crate::vehicle::Mesh;
 
@@ -20,6 +24,14 @@ const LEAST: [f64; 2] = [0.3, 1.5];
 const MISSING: f64 = 0.2;
 /// Agreement below which a part is displaced.
 const DISPLACED: f64 = 0.35;
+/// Cells of a 28 x 28 kernel from which a part can be called missing.
+const SMALLEST: f64 = 0.5;
+/// Chance of missing a part that is there above which it is not called missing.
+const CHANCE: f64 = 0.05;
+/// Cells over which errors of masks reach: about 2 x 2.
+const CORRELATED: f64 = 4.0;
+/// How far around a part the mask's reliability is looked at, cells of a 28 x 28 kernel.
+const AROUND: f64 = 3.0;
 
 /// Turns about the vehicle's axes to the right and down, radians, under which a part must stay in sight.
 const TURNS: [[f64; 2]; 4] = [[0.0, 0.06], [0.0, -0.06], [0.03, 0.0], [-0.03, 0.0]];
@@ -38,7 +50,7 @@ pub enum PartVerdict {
     Unexpected,
     /// The model shows it where nothing is known of the mask: behind another vehicle, outside the image.
     Hidden,
-    /// Too few cells to tell.
+    /// Too few cells, or too unreliable ones, to tell.
     TooSmall,
 }
 
@@ -184,7 +196,7 @@ impl<'a> Cells<'a> {
             known: sum_known,
             seen: sum_seen,
         };
-        let verdict = sums.times(reference).verdict(agreement);
+        let verdict = sums.times(reference).verdict(agreement, self.confusion(&drawn.share));
         let squares: f64 = seen.iter().map(|q| q * q).sum();
         Some(PartState {
             part,
@@ -199,6 +211,46 @@ impl<'a> Cells<'a> {
             point_in_camera: drawn.middle,
             point_in_vehicle: drawn.middle.map(|point| self.vehicle_from_camera * point),
         })
+    }
+
+    /// The share of what is drawn around a part that the mask labels otherwise.
+    fn confusion(&self, own: &[f64]) -> f64 {
+        let m = self.m as isize;
+        let reach = (AROUND * self.m as f64 / 28.0).round().max(1.0) as isize;
+        let near = |cell: usize, far: isize| {
+            let (x, y) = ((cell as isize) % m, (cell as isize) / m);
+            let line = move |at: isize| (at - far).max(0)..=(at + far).min(m - 1);
+            line(y).any(|j| line(x).any(|i| own[(j * m + i) as usize] > 0.0))
+        };
+        let (mut wrong, mut all) = (0.0, 0.0);
+        for cell in 0..self.m * self.m {
+            let known = self.known[cell];
+            // The part itself says nothing of how reliable its surroundings are.
+            if known == 0.0 || near(cell, 0) || !near(cell, reach) {
+                continue;
+            }
+            let mut right = 0.0;
+            let mut drawn = [0.0f64; CHANNELS];
+            self.samples_of(cell, |label| drawn[usize::from(label)] += 1.0);
+            let samples = (self.s * self.s) as f64;
+            for (label, drawn) in drawn.iter().enumerate().filter(|(_, drawn)| **drawn > 0.0) {
+                let q = self.detection.probabilities.channel(label)[cell];
+                right += (drawn / samples).min(f64::from(q));
+            }
+            wrong += known * (1.0 - right).max(0.0);
+            all += known;
+        }
+        // Without surroundings nothing is known of them.
+        if all > 0.0 { wrong / all } else { 1.0 }
+    }
+
+    /// Hands over the labels that are drawn on a cell.
+    fn samples_of(&self, cell: usize, mut take: impl FnMut(u8)) {
+        let n = self.m * self.s;
+        let start = (cell / self.m) * self.s * n + (cell % self.m) * self.s;
+        for row in 0..self.s {
+            self.picture.parts[start + row * n..][..self.s].iter().for_each(|label| take(*label));
+        }
     }
 
     /// The least and the most that is drawn of a part at the pose and slightly turned against it, cells.
@@ -316,17 +368,19 @@ impl Sums {
         }
     }
 
-    fn verdict(&self, agreement: f64) -> PartVerdict {
-        if self.known < LEAST[1] && self.seen < LEAST[1] {
+    /// `confusion` is the share of the mask around that is wrong.
+    fn verdict(&self, agreement: f64, confusion: f64) -> PartVerdict {
+        if self.known < SMALLEST && self.seen < LEAST[1] {
             let hidden = self.drawn >= LEAST[1] && self.known < 0.5 * self.drawn;
             return if hidden { PartVerdict::Hidden } else { PartVerdict::TooSmall };
         }
+        let chance = confusion.powf(1.0 + self.least / CORRELATED);
         if agreement >= DISPLACED {
             PartVerdict::Agrees
+        } else if self.least >= SMALLEST && self.seen < MISSING * self.least {
+            if chance < CHANCE { PartVerdict::Missing } else { PartVerdict::TooSmall }
         } else if self.least.max(self.seen) < LEAST[1] {
             PartVerdict::TooSmall
-        } else if self.seen < MISSING * self.least {
-            PartVerdict::Missing
         } else if self.most < MISSING * self.seen {
             PartVerdict::Unexpected
         } else {

@@ -33,6 +33,8 @@ pub struct Axis {
     pub range: Option<[f64; 2]>,
     /// Whether equal factors, not equal differences, lie equally far apart.
     pub logarithmic: bool,
+    /// What stands at 1, 2 and so on, in place of numbers.
+    pub names: Vec<String>,
 }
 
 /// Points that belong together.
@@ -57,7 +59,7 @@ pub enum Mark {
     Curve,
     /// A dashed line, for what is expected.
     Reference,
-    /// Dots alone.
+    /// Dots alone; larger ones over named cases.
     Dots,
     /// Upright bars from the lower end of the axis.
     Bars,
@@ -100,7 +102,14 @@ impl Axis {
 
     /// An axis with given ends.
     pub fn over(label: &str, range: [f64; 2]) -> Self {
-        Self { label: label.to_owned(), range: Some(range), logarithmic: false }
+        Self { label: label.to_owned(), range: Some(range), ..Self::default() }
+    }
+
+    /// An axis of cases, the first at 1.
+    pub fn of_names(names: &[&str]) -> Self {
+        let range = Some([0.5, names.len() as f64 + 0.5]);
+        let names = names.iter().map(|name| (*name).to_owned()).collect();
+        Self { range, names, ..Self::default() }
     }
 }
 
@@ -122,7 +131,8 @@ pub fn plot(plot: &Plot) -> RgbImage {
     axes(&mut canvas, &area, [&x, &y]);
     for (i, series) in plot.series.iter().enumerate() {
         let color = series.color.unwrap_or(PALETTE[i % PALETTE.len()]);
-        draw(&mut canvas, series, color, [&x, &y]);
+        let dots = if plot.x.names.is_empty() { 2.0 } else { 4.0 };
+        draw(&mut canvas, series, (color, dots), [&x, &y]);
     }
     canvas.rectangle(&area, Pen { color: FRAME, width: 1.0 });
     legend(&mut canvas, plot, &area);
@@ -187,7 +197,12 @@ impl Ruler {
             let at = i as f64 * step;
             (at, if axis.logarithmic { number(10f64.powf(at), 0.0) } else { number(at, step) })
         };
-        let ticks = (first..=last.min(first + 100)).map(tick).collect();
+        let ticks = if axis.names.is_empty() {
+            (first..=last.min(first + 100)).map(tick).collect()
+        } else {
+            let places = (1u32..).map(f64::from);
+            places.zip(axis.names.iter().cloned()).collect()
+        };
         Self { ends: [low, high], pixels, logarithmic: axis.logarithmic, ticks }
     }
 
@@ -244,7 +259,12 @@ fn axes(canvas: &mut Canvas, area: &Rect, [x, y]: [&Ruler; 2]) {
     }
 }
 
-fn draw(canvas: &mut Canvas, series: &Series, [r, g, b]: [u8; 3], [x, y]: [&Ruler; 2]) {
+fn draw(
+    canvas: &mut Canvas,
+    series: &Series,
+    ([r, g, b], dots): ([u8; 3], f32),
+    [x, y]: [&Ruler; 2],
+) {
     let place = |point: &[f64; 2]| Some(Point2::new(x.pixel(point[0])?, y.pixel(point[1])?));
     let points: Vec<Option<Point2>> = series.points.iter().map(place).collect();
     let pen = Pen { color: [r, g, b, 255], width: 1.6 };
@@ -258,7 +278,7 @@ fn draw(canvas: &mut Canvas, series: &Series, [r, g, b]: [u8; 3], [x, y]: [&Rule
     }
     let radius = match series.mark {
         Mark::Line => 3.0,
-        Mark::Dots => 2.0,
+        Mark::Dots => dots,
         Mark::Curve | Mark::Reference | Mark::Bars => 0.0,
     };
     let gap = points.windows(2).filter_map(|pair| Some((pair[1]?.x - pair[0]?.x).abs()));

@@ -78,7 +78,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mut sources = if arguments.oracle { Vec::new() } else { arguments.source.open()? };
     let bounds = arguments.bounds.of_oracle();
     for kernel in arguments.kernel.iter().map(|m| *m as usize) {
-        sources.push(Source::oracle(OracleOptions { kernel, bounds, degradation: None }));
+        sources.push(Source::oracle(OracleOptions { kernel, bounds, ..Default::default() }));
     }
     let dataset = Dataset::open(&arguments.selection.dataset)?;
     let sequences = arguments.selection.sequences(&dataset, arguments.oracle)?;

@@ -22,7 +22,7 @@ use partpose::eval::{
     evaluate_frames,
 };
 use partpose::files;
-use partpose::oracle::OracleBox;
+use partpose::oracle::{HeadErrors, OracleBox};
 use partpose::vehicle::ModelZoo;
 
 use super::selection::{self, Needs, Selection};
@@ -33,6 +33,7 @@ use crate::progress;
 use crate::report::{Outcome, hint, note, warn};
 
 #[derive(clap::Args, Clone)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag that is typed")]
 #[command(after_help = "\
 Examples:
   partpose evaluate poses --dataset DIR --fit dense --out scores
@@ -68,6 +69,14 @@ pub(crate) struct Arguments {
     /// Lower the oracle's pixel accuracy to this, in percent, with errors like a network's
     #[arg(long, value_name = "PERCENT", value_parser = percent, requires = "oracle")]
     degrade: Option<f64>,
+    /// Let the oracle say sizes, as a network's size head does: the true one with errors of so much on each side, in
+    /// percent; `--extent free` makes use of it
+    #[arg(long, value_name = "PERCENT", value_parser = percent, requires = "oracle")]
+    size_head: Option<f64>,
+    /// Let the oracle say models, as a network's model head does: the true one is the likeliest of so many vehicles, in
+    /// percent
+    #[arg(long, value_name = "PERCENT", value_parser = percent, requires = "oracle")]
+    model_head: Option<f64>,
     /// Where the size of a vehicle comes from
     #[arg(long, value_enum, default_value = "truth")]
     extent: ExtentFlag,
@@ -79,14 +88,18 @@ pub(crate) struct Arguments {
     scene: scene::Flags,
     /// All rows of Tables III to V, and the centres of what is visible, in place of one configuration; with `--fit epnp`,
     /// the paper's solver, unless another one of centres is asked for
-    #[arg(long, conflicts_with_all = ["kernel", "scaling", "refine", "points_2d", "points_3d", "filters"])]
+    #[arg(long, conflicts_with_all = ["kernel", "scaling", "rank", "refine", "points_2d", "points_3d", "filters"])]
     tables: bool,
     /// The dense fit beside the paper's method and the best setting of points: every row of the tables, by distance,
     /// occlusion, truncation, mask accuracy, where sizes come from, and time, as tables and plots
-    #[arg(long, conflicts_with_all = ["tables", "degrade", "extent", "kernel", "scaling", "refine", "points_2d", "points_3d", "filters", "fit"], requires = "oracle")]
+    #[arg(long, conflicts_with_all = ["tables", "degrade", "extent", "kernel", "scaling", "rank", "refine", "points_2d", "points_3d", "filters", "fit"], requires = "oracle")]
     compare: bool,
     #[arg(skip)]
     comparison: Option<compare::Rows>,
+    /// Compare the parts of every vehicle with its model, too, and tell how often which was said to be missing,
+    /// displaced and so on: false alarms where vehicles are whole
+    #[arg(long)]
+    parts: bool,
     /// Draw this many frames, evenly spread, under the last configuration
     #[arg(long, value_name = "N", default_value_t = 0)]
     pictures: usize,
@@ -120,7 +133,7 @@ enum ExtentFlag {
 fn percent(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (1.0..=100.0).contains(&value) => Ok(value / 100.0),
-        _ => Err("a pixel accuracy in percent is meant, such as 85".to_owned()),
+        _ => Err("a number in percent, from 1 to 100, is meant, such as 85".to_owned()),
     }
 }
 
@@ -304,10 +317,16 @@ fn options<'a>(
             BoxFlag::Annotated => OracleBox::Annotated,
             BoxFlag::Tight => OracleBox::Tight,
         },
+        heads: HeadErrors {
+            size: arguments.size_head,
+            model: arguments.model_head,
+            seed: arguments.pose.seed,
+        },
         include,
         right_models,
         keep_detections,
         scene,
+        observe: arguments.parts,
     }
 }
 
@@ -322,6 +341,7 @@ fn row(frame: &Frame, outcome: VehicleOutcome) -> Row {
             depth: label.cuboid.camera_from_vehicle.translation.z,
             occluded: label.occluded,
             truncated: label.truncated,
+            occupancy: label.occupancy,
         },
         outcome,
     }

@@ -13,7 +13,7 @@ use partpose::vehicle::ModelZoo;
 use rayon::prelude::*;
 
 use crate::commands::detection_files::{self, DetectionIndex};
-use crate::network::Network;
+use crate::network::{EngineFlags, Network};
 use crate::progress;
 use crate::report::{hint, warn};
 
@@ -32,6 +32,8 @@ pub(super) struct SourceFlags {
     /// times
     #[arg(long, value_name = "FILE")]
     pub(super) weights: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(super) engine: EngineFlags,
     /// Least score of the detections that count; curves and average precision take all
     #[arg(long, value_name = "SCORE", default_value_t = 0.5, value_parser = share)]
     pub(super) min_score: f64,
@@ -48,7 +50,7 @@ pub(super) fn share(text: &str) -> Result<f64, String> {
 impl SourceFlags {
     /// Whether detections are asked for at all.
     pub(super) fn are_given(&self) -> bool {
-        !self.detections.is_empty() || !self.weights.is_empty()
+        !self.detections.is_empty() || !self.weights.is_empty() || self.engine.has_model()
     }
 
     /// The sources in the order: files, networks; the network that comes with the program if there are none.
@@ -60,10 +62,11 @@ impl SourceFlags {
         }
         let mut networks: Vec<Network> = Vec::new();
         for path in &self.weights {
-            networks.push(Network::load(Some(path))?);
+            networks.push(Network::load(Some(path), &self.engine)?);
         }
-        if sources.is_empty() && networks.is_empty() {
-            networks.push(Network::load(None)?);
+        let more = sources.is_empty() && networks.is_empty();
+        if more || self.engine.has_model() {
+            networks.push(Network::load(None, &self.engine)?);
         }
         sources.extend(networks.into_iter().map(|network| Source {
             name: network.name.clone(),
@@ -165,8 +168,7 @@ impl Source {
 
 fn of_network(network: &Network, frame: &Frame) -> anyhow::Result<Vec<Detection>> {
     let path = frame.image.as_ref().context("the frame has no image")?;
-    let found = network.detect(&files::read_rgb(path)?)?;
-    Ok(found.into_iter().map(|found| found.detection).collect())
+    network.detect(&files::read_rgb(path)?)
 }
 
 fn of_oracle(frame: &Frame, oracle: &Oracle, options: &OracleOptions) -> Vec<Detection> {

@@ -1,7 +1,6 @@
 use super::*;
 
 use clap::Parser;
-use partpose::detection::Detection;
 use partpose::files::write_png;
 use partpose::formats::read_detections;
 use partpose::geometry::Rect;
@@ -26,14 +25,9 @@ fn run_in(folder: &Path, more: &[&str]) -> (anyhow::Result<Outcome>, usize) {
         let [width, height] = image.size.map(f64::from);
         let mut values = vec![0.0; CHANNELS * 4];
         values[4 * 5..4 * 6].fill(1.0);
-        let found = |score: f64| Found {
-            detection: Detection {
-                bounds: Rect::new(0.0, 0.0, width, height),
-                score,
-                probabilities: PartProbabilities::new(2, values.clone()).unwrap(),
-                unknown: None,
-            },
-            extent: None,
+        let found = |score: f64| {
+            let probabilities = PartProbabilities::new(2, values.clone()).unwrap();
+            Detection::new(Rect::new(0.0, 0.0, width, height), score, probabilities)
         };
         Ok(vec![found(0.9), found(0.1)])
     });

@@ -17,7 +17,6 @@ use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 
 use super::*;
-use crate::network::Found;
 
 #[derive(Parser)]
 struct Typed {
@@ -51,8 +50,10 @@ fn start(more: &[&str], seconds: f64) -> Running {
             score: 0.9,
             probabilities: PartProbabilities::new(2, values).unwrap(),
             unknown: None,
+            size: None,
+            models: None,
         };
-        Ok(vec![Found { detection, extent: None }])
+        Ok(vec![detection])
     });
     let fitter = Fitter::new(&arguments.fit, &PathBuf::new(), false).unwrap();
     let limits = arguments.limits;

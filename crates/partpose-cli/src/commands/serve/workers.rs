@@ -10,14 +10,14 @@ use std::time::Instant;
 
 use hyper::StatusCode;
 use hyper::body::Bytes;
+use partpose::detection::Detection;
 use partpose::files::{Photo, RgbImage, decode_photo, photo_size};
 use partpose::formats::{ImageResult, image_result};
-use partpose::geometry::{Camera, Extent};
+use partpose::geometry::Camera;
 use tokio::sync::oneshot;
 
 use crate::camera::{Cameras, check_ranges};
 use crate::commands::fitting::Fitter;
-use crate::network::Found;
 
 use super::metrics::Metrics;
 
@@ -60,7 +60,7 @@ pub(super) struct Question {
 
 /// What every image is answered with.
 pub(super) struct Engine {
-    pub(super) detect: Box<dyn Fn(&RgbImage) -> anyhow::Result<Vec<Found>> + Send + Sync>,
+    pub(super) detect: Box<dyn Fn(&RgbImage) -> anyhow::Result<Vec<Detection>> + Send + Sync>,
     pub(super) fitter: Fitter,
     pub(super) cameras: Cameras,
     pub(super) min_score: f64,
@@ -193,13 +193,10 @@ impl Engine {
             }
         };
         check_ranges(Path::new("the request"), &camera).map_err(|error| unusable(&error))?;
-        let found = (self.detect)(&photo.image).map_err(|error| unusable(&format!("{error:#}")))?;
+        let mut found =
+            (self.detect)(&photo.image).map_err(|error| unusable(&format!("{error:#}")))?;
         let least = min_score.unwrap_or(self.min_score);
-        let found: Vec<(_, Option<Extent>)> = found
-            .into_iter()
-            .filter(|found| found.detection.score >= least)
-            .map(|found| (found.detection, found.extent))
-            .collect();
+        found.retain(|found| found.score >= least);
         let estimated = self.fitter.estimate(&camera, found);
         Ok(image_result(&name, &camera, self.fitter.settings(), &estimated))
     }

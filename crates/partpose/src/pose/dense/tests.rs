@@ -30,8 +30,8 @@ fn state(half: Vector3) -> State {
 
 fn terms(free: bool, half: Vector3) -> Terms {
     let extent = State { half, ..state(half) }.extent();
-    let size = SizeTerm::new(&SizePrior::around(None), &extent).filter(|_| free);
-    Terms { priors: DensePriors::default(), size, noise: 1.0 }
+    let size = SizeTerm::new(&SizePrior::around(None), &extent, None).filter(|_| free);
+    Terms { priors: DensePriors::default(), size, model: 0.0, noise: 1.0 }
 }
 
 fn bounds(state: &State) -> Rect {

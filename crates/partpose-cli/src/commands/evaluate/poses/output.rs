@@ -4,8 +4,11 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use partpose::eval::{PoseScores, Table, breakdown, paper_tables, score_table, summarize};
+use partpose::eval::{
+    PoseScores, Table, breakdown, paper_tables, part_table, score_table, summarize,
+};
 use partpose::files;
+use partpose::pose::PoseEstimate;
 use serde_json::json;
 
 use super::{Arguments, Evaluated, uncertainty};
@@ -47,6 +50,11 @@ pub(super) fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Res
     );
     tables.push(score_table(&title, &by));
     tables.extend(uncertainty::tables(evaluated));
+    if arguments.parts {
+        let outcomes = evaluated.rows[detailed].iter().map(|row| &row.outcome.estimate);
+        let parts: Vec<_> = outcomes.flatten().map(|estimate| estimate.parts.as_slice()).collect();
+        tables.push(part_table("Parts against the model", &parts));
+    }
     let text = markdown(&tables);
     report::data(&text)?;
     let file = |name: &str| arguments.out.join(name);
@@ -125,6 +133,27 @@ fn settings(arguments: &Arguments, evaluated: &Evaluated) -> serde_json::Value {
     })
 }
 
+/// The size, and what the dense fit rests its confidence on.
+fn evidence(estimate: Option<&PoseEstimate>) -> [String; 10] {
+    let mut cells = [const { String::new() }; 10];
+    let Some(estimate) = estimate else { return cells };
+    let number = |value: f64| format!("{value:.4}");
+    let e = &estimate.extent;
+    let [width, height, length] = [e.width, e.height, e.length].map(number);
+    cells[..3].clone_from_slice(&[width, height, length]);
+    let Some(report) = &estimate.dense else { return cells };
+    let model = report.model_probabilities.get(estimate.model_index).copied();
+    let second = report.second_mode.map_or(0.0, |second| second.probability);
+    let turn = report.covariance[(1, 1)].sqrt();
+    let figures =
+        [report.energy, report.foreground, report.overshoot, model.unwrap_or(0.0), second, turn];
+    cells[3..9].clone_from_slice(&figures.map(number));
+    if let Some(with_size) = &report.covariance_with_size {
+        cells[9] = [6, 7, 8].map(|i| number(with_size[(i, i)].sqrt())).join(" ");
+    }
+    cells
+}
+
 /// Every vehicle under the last configuration.
 fn vehicle_list(evaluated: &Evaluated) -> Table {
     let columns = [
@@ -150,6 +179,16 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
         "normalised_squared_error",
         "depth_sd",
         "no_pose",
+        "width",
+        "height",
+        "length",
+        "energy",
+        "foreground",
+        "overshoot",
+        "model_probability",
+        "second_probability",
+        "turn_sd",
+        "size_sds",
     ];
     let mut table = Table::new("vehicles", &columns);
     for row in evaluated.rows.last().into_iter().flatten() {
@@ -184,6 +223,7 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
                 cells.push(outcome.as_ref().err().map_or(String::new(), ToString::to_string));
             }
         }
+        cells.extend(evidence(row.outcome.estimate.as_ref().ok()));
         table.rows.push(cells);
     }
     table

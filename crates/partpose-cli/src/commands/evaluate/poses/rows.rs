@@ -4,7 +4,7 @@ use partpose::dataset::Frame;
 use partpose::eval::{Configuration, EvaluationOptions, calibrate, paper_configurations};
 use partpose::oracle::Degradation;
 use partpose::parts::Scaling;
-use partpose::pose::{Center2d, Center3d, PnpMethod, PoseOptions};
+use partpose::pose::{Center2d, Center3d, PnpMethod, PoseOptions, Ranking};
 
 use super::{Arguments, compare};
 use crate::report::{hint, warn};
@@ -33,6 +33,7 @@ pub(super) fn configurations(arguments: &Arguments, given: Option<usize>) -> Vec
     if let Some(kernel) = given {
         // The rows of one size stand for the detections' own, Table V's for them too.
         rows.retain(|row| row.kernel == 28 || row.name.starts_with("V: "));
+        rows.extend(by_evidence(&base));
         for row in &mut rows {
             row.kernel = kernel;
             row.name = row.name.replace(": 28 ", &format!(": {kernel} "));
@@ -57,6 +58,19 @@ fn all(base: &PoseOptions) -> Vec<Configuration> {
         }
     }
     rows
+}
+
+/// The paper's fit, but for the choice of the model, and the best of the others with it: a network may know models.
+fn by_evidence(base: &PoseOptions) -> [Configuration; 2] {
+    let paper = PoseOptions { ranking: Ranking::Evidence, ..*base };
+    let (center_2d, center_3d) = (Center2d::Mass, Center3d::Visible);
+    let best = PoseOptions { center_2d, center_3d, refine: true, ..paper };
+    [("RECT / CUB, all filters", paper), ("CM / visible, all filters, LM", best)].map(
+        |(name, pose)| {
+            let name = format!("past: 28 {name}, models by evidence");
+            Configuration { name, kernel: 28, pose, degradation: None }
+        },
+    )
 }
 
 /// Finds for each kernel size and scaling the strength that gives the accuracy asked for.
