@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use partpose::dataset::{Dataset, KittiCalibration};
 use partpose::files::{self, FileError, MAX_IMAGE_SIDE, Photo};
-use partpose::geometry::Camera;
+use partpose::geometry::{Camera, Pose};
 
 use crate::report;
 
@@ -38,7 +38,7 @@ pub(crate) enum Cameras {
     /// A calibration, which fits images of any size.
     Calibration(KittiCalibration),
     /// Those of a data set's frames, by the paths of their images; the first for other images of its size.
-    OfFrames { by_image: BTreeMap<PathBuf, Camera>, first: Camera, path: PathBuf },
+    OfFrames { by_image: BTreeMap<PathBuf, (Camera, Option<Pose>)>, first: Camera, path: PathBuf },
     /// From the picture itself.
     Guessed { field_of_view: f64 },
 }
@@ -84,12 +84,19 @@ impl Cameras {
         for id in dataset.sequences() {
             for frame in dataset.frames(id)? {
                 first.get_or_insert(frame.camera);
-                by_image.extend(frame.image.map(|image| (image, frame.camera)));
+                let known = (frame.camera, frame.world_from_camera);
+                by_image.extend(frame.image.map(|image| (image, known)));
             }
         }
         let first = first
             .with_context(|| format!("`{}` has no frame that could be read", path.display()))?;
         Ok(Self::OfFrames { by_image, first, path: path.to_owned() })
+    }
+
+    /// Where the camera of an image stands, if a data set knows.
+    pub(crate) fn world_from_camera(&self, image: &Path) -> Option<Pose> {
+        let Self::OfFrames { by_image, .. } = self else { return None };
+        by_image.get(&image.canonicalize().ok()?)?.1
     }
 
     /// The camera of an image.
@@ -103,7 +110,7 @@ impl Cameras {
             }
             Self::OfFrames { by_image, first, path } => {
                 let known = image.canonicalize().ok().and_then(|image| by_image.get(&image));
-                (known.copied().unwrap_or(*first), path)
+                (known.map_or(*first, |(camera, _)| *camera), path)
             }
             Self::Guessed { field_of_view } => return Ok(guess(photo, *field_of_view)),
         };
@@ -157,7 +164,7 @@ fn is_calibration(text: &str) -> bool {
 }
 
 /// Refuses a camera that nobody has: its numbers would overflow, or its images exhaust memory, much later.
-fn check_ranges(path: &Path, camera: &Camera) -> anyhow::Result<()> {
+pub(crate) fn check_ranges(path: &Path, camera: &Camera) -> anyhow::Result<()> {
     let [fx, fy] = camera.focal;
     let [cx, cy] = camera.principal_point;
     let [width, height] = camera.size.map(f64::from);

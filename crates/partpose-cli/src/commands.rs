@@ -15,7 +15,10 @@ pub(crate) mod provenance;
 pub(crate) mod report;
 pub(crate) mod result_files;
 pub(crate) mod run;
+#[cfg(feature = "serve")]
+pub(crate) mod serve;
 pub(crate) mod synth;
+pub(crate) mod tracking;
 pub(crate) mod train;
 pub(crate) mod view;
 pub(crate) mod weights;

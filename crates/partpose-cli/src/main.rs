@@ -54,6 +54,9 @@ enum Command {
     /// Score boxes, masks, poses and solvers against ground truth
     #[command(subcommand)]
     Evaluate(commands::evaluate::Command),
+    /// Answer images over HTTP: KServe V2, and a plain endpoint
+    #[cfg(feature = "serve")]
+    Serve(commands::serve::Arguments),
     /// Print the completions of a shell
     Completions(commands::completions::Arguments),
     /// Write manual pages
@@ -75,6 +78,8 @@ fn main() -> ExitCode {
         Command::Weights(command) => commands::weights::run(&command),
         Command::View(arguments) => commands::view::run(&arguments),
         Command::Report(arguments) => commands::report::run(&arguments),
+        #[cfg(feature = "serve")]
+        Command::Serve(arguments) => commands::serve::run(&arguments),
         Command::Evaluate(command) => commands::evaluate::run(&command),
         Command::Completions(arguments) => {
             commands::completions::run(&arguments, Arguments::command())

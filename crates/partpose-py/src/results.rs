@@ -72,5 +72,6 @@ fn vehicle(pose: &PoseEstimate) -> PosedVehicle {
         cuboid: pose.inner.cuboid(),
         confidence: pose.inner.dense.as_ref().map(|report| report.confidence),
         reprojection_rmse: pose.inner.reprojection_rmse,
+        track: None,
     }
 }

@@ -145,13 +145,17 @@ pub fn write(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Summary, SynthError> {
     options::check(options)?;
-    let planned = sequences::plan(options)?;
+    let mut planned = sequences::plan(options)?;
+    let camera = frame::other_camera(options, &planned);
+    if let Some(shard) = &options.shard {
+        sequences::keep(&mut planned, shard);
+    }
     manifest::claim(out, options, zoo)?;
     let zoo = written_zoo(out, zoo)?;
     let fleet = Arc::new(Fleet::new(&zoo));
     let workers = Workers::new(options.threads)?;
     progress(Progress::Total(planned.iter().map(PlannedWorld::images).sum()));
-    if let Some(camera) = frame::other_camera(options, &planned) {
+    if let Some(camera) = camera {
         let text = serde_json::to_string(&camera).unwrap_or_default();
         files::write(&out.join(partpose::dataset::CAMERA_FILE), text.as_bytes())?;
     }
@@ -163,7 +167,7 @@ pub fn write(
         summary.drawn += drawn;
         summary.kept += planned.images() - drawn;
     }
-    fragments::clean(out)?;
+    fragments::clean(out, options.shard.is_some())?;
     Ok(summary)
 }
 

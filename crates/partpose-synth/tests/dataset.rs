@@ -98,6 +98,27 @@ fn another_seed_gives_another_world() {
 }
 
 #[test]
+fn parts_at_the_same_time_make_the_same_bytes_as_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
+    let few = SynthOptions { frames: 1, scenes: vec![SceneKind::Highway], ..options() };
+    make(&whole, &few).unwrap();
+    let part = |text: &str| {
+        let shard = Some(text.parse().unwrap());
+        make(&parts, &SynthOptions { shard, threads: 1, ..few.clone() }).unwrap()
+    };
+    std::thread::scope(|scope| {
+        let threads = ["1/3", "2/3", "3/3"].map(|text| scope.spawn(move || part(text)));
+        let drawn: usize = threads.map(|thread| thread.join().unwrap().drawn).iter().sum();
+        assert_eq!(drawn, 2);
+    });
+    assert_same(&whole, &parts);
+    // Other settings are refused as ever.
+    let other = SynthOptions { shard: Some("1/3".parse().unwrap()), seed: 6, ..few };
+    assert!(matches!(make(&parts, &other), Err(SynthError::OtherOptions { .. })));
+}
+
+#[test]
 fn a_run_that_was_killed_ends_with_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let [whole, cut] = ["whole", "cut"].map(|name| folder.path().join(name));

@@ -10,6 +10,7 @@ pub mod masks;
 pub mod matching;
 pub mod model_names;
 pub mod pnp;
+pub mod tracks;
 pub mod uncertainty;
 
 mod input;

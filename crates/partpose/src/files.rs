@@ -15,7 +15,7 @@ use std::{
 pub use labels::{
     LabelImageError, Labels, encode_gray16_png, encode_indexed_png, read_gray16, read_indices,
 };
-pub use photo::{Photo, read_photo};
+pub use photo::{Photo, decode_photo, photo_size, read_photo};
 
 /// Largest text or model file that is read, bytes.
 pub const MAX_FILE: u64 = 1 << 30;

@@ -10,6 +10,7 @@ pub mod nuscenes;
 mod openlabel;
 mod read_results;
 mod results;
+mod tracks;
 mod upright;
 
 pub use coco_results::{CocoDetection, CocoIds, coco_results, read_coco_ids};
@@ -18,6 +19,7 @@ pub use import::{ImportOptions, import_bop, import_kitti, import_nuscenes, impor
 pub use kitti::{KittiRow, kitti_text};
 pub use openlabel::{openlabel, openlabel_cuboids};
 pub use read_results::{
-    PosedImage, PosedVehicle, ResultFileError, parse_result, read_result, result_json,
+    PosedImage, PosedTrack, PosedVehicle, ResultFileError, parse_result, read_result, result_json,
 };
 pub use results::{ImageResult, ResultSettings, VehicleResult, image_result};
+pub use tracks::{kitti_tracking_text, observations, with_tracks};

@@ -43,5 +43,6 @@ pub mod parts;
 pub mod pnp;
 pub mod pose;
 pub mod render;
+pub mod track;
 pub mod vehicle;
 pub mod viz;

@@ -15,6 +15,7 @@ const LAYERS: &[&str] = &[
     "detection",
     "oracle",
     "pose",
+    "track",
     "eval",
     "carve",
     "formats",

@@ -135,6 +135,7 @@ fn truth(scene: &Scene) -> PosedImage {
         cuboid: label.cuboid,
         confidence: None,
         reprojection_rmse: None,
+        track: None,
     });
     let image = format!("{}.png", scene.name);
     PosedImage { image, camera: scene.frame.camera, vehicles: vehicles.collect() }

@@ -46,52 +46,34 @@ fn read_one(path: &Path) -> anyhow::Result<DetectionFile> {
     })
 }
 
-/// Detections by the image that they were made of.
-pub(crate) struct DetectionIndex {
-    images: Vec<(String, Vec<Detection>)>,
+/// Images by their names, to be found by the frames that they are of.
+pub(crate) struct ImageIndex {
+    names: Vec<String>,
     /// By the last part of the images' names, without the ending.
     by_stem: BTreeMap<String, Vec<usize>>,
 }
 
-impl DetectionIndex {
-    pub(crate) fn read(path: &Path) -> anyhow::Result<Self> {
-        let file = read(path)?;
-        let mut images: Vec<(String, Vec<Detection>)> =
-            file.images.into_iter().map(|name| (name, Vec::new())).collect();
-        for (image, detection) in file.detections {
-            images[image].1.push(detection);
-        }
+impl ImageIndex {
+    pub(crate) fn new(names: Vec<String>) -> Self {
         let mut by_stem: BTreeMap<String, Vec<usize>> = BTreeMap::new();
-        for (index, (name, _)) in images.iter().enumerate() {
+        for (index, name) in names.iter().enumerate() {
             let stem = parts_of(Path::new(name)).pop().unwrap_or_default();
             by_stem.entry(stem).or_default().push(index);
         }
-        Ok(Self { images, by_stem })
+        Self { names, by_stem }
     }
 
-    /// The name of the first image, for messages.
-    pub(crate) fn first_name(&self) -> &str {
-        self.images.first().map_or("", |(name, _)| name)
-    }
-
-    /// Cells a side of the kernels, where there is a detection.
-    pub(crate) fn kernel(&self) -> Option<usize> {
-        let first = self.images.iter().find_map(|(_, detections)| detections.first());
-        first.map(|detection| detection.probabilities.size())
-    }
-
-    /// The detections of a frame; `None` if no image is called like it.
+    /// The image of a frame; `None` if no image is called like it.
     ///
     /// The name of an image and the path of the frame's, both from their ends and without endings, must agree as far
     /// as the shorter reaches: `00012.png`, `0001/clone/00012` and `vkitti_1.3.1_rgb/0001/clone/00012.png` all name
     /// frame 12 of world 0001, as long as no other image is meant by as much.
-    pub(crate) fn of_frame(&self, frame: &Frame) -> anyhow::Result<Option<&[Detection]>> {
-        let names = names_of(frame);
+    pub(crate) fn of_frame(&self, frame: &Frame) -> anyhow::Result<Option<usize>> {
         let mut best: (usize, Vec<usize>) = (0, Vec::new());
-        for name in &names {
+        for name in &names_of(frame) {
             let Some(stem) = name.last() else { continue };
             for index in self.by_stem.get(stem).into_iter().flatten() {
-                let image = parts_of(Path::new(&self.images[*index].0));
+                let image = parts_of(Path::new(&self.names[*index]));
                 let shared = image.iter().rev().zip(name.iter().rev());
                 let same = shared.take_while(|(a, b)| a == b).count();
                 if same < image.len().min(name.len()) || same < best.0 {
@@ -107,17 +89,50 @@ impl DetectionIndex {
         }
         match best.1.as_slice() {
             [] => Ok(None),
-            [index] => Ok(Some(&self.images[*index].1)),
+            [index] => Ok(Some(*index)),
             [a, b, ..] => Err(hint(
                 anyhow::anyhow!(
                     "frame {} may be the image `{}` or `{}`",
                     frame.name(),
-                    self.images[*a].0,
-                    self.images[*b].0
+                    self.names[*a],
+                    self.names[*b]
                 ),
                 "name images with the folders of their world and variation, such as `0001/clone/00012.png`",
             )),
         }
+    }
+}
+
+/// Detections by the image that they were made of.
+pub(crate) struct DetectionIndex {
+    detections: Vec<Vec<Detection>>,
+    images: ImageIndex,
+}
+
+impl DetectionIndex {
+    pub(crate) fn read(path: &Path) -> anyhow::Result<Self> {
+        let file = read(path)?;
+        let mut detections = vec![Vec::new(); file.images.len()];
+        for (image, detection) in file.detections {
+            detections[image].push(detection);
+        }
+        Ok(Self { detections, images: ImageIndex::new(file.images) })
+    }
+
+    /// The name of the first image, for messages.
+    pub(crate) fn first_name(&self) -> &str {
+        self.images.names.first().map_or("", String::as_str)
+    }
+
+    /// Cells a side of the kernels, where there is a detection.
+    pub(crate) fn kernel(&self) -> Option<usize> {
+        let first = self.detections.iter().flatten().next();
+        first.map(|detection| detection.probabilities.size())
+    }
+
+    /// The detections of a frame, found as [`ImageIndex::of_frame`] finds it.
+    pub(crate) fn of_frame(&self, frame: &Frame) -> anyhow::Result<Option<&[Detection]>> {
+        Ok(self.images.of_frame(frame)?.map(|index| self.detections[index].as_slice()))
     }
 }
 

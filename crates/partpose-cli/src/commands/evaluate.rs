@@ -11,6 +11,7 @@ mod poses;
 mod scores;
 mod selection;
 mod source;
+mod tracks;
 
 use crate::report::Outcome;
 
@@ -22,6 +23,8 @@ pub(crate) enum Command {
     Masks(masks::Arguments),
     /// Tables III to V: poses of the labelled vehicles of a data set
     Poses(poses::Arguments),
+    /// Vehicles followed through sequences: whether they keep their numbers, and what that does for their poses
+    Tracks(tracks::Arguments),
     /// Accuracy and time of the `PnP` solvers on problem sets
     Pnp(pnp::Arguments),
     /// KITTI's average precision: 2D, orientation, bird's-eye view, 3D
@@ -39,6 +42,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Outcome> {
         Command::Boxes(arguments) => boxes::run(arguments),
         Command::Masks(arguments) => masks::run(arguments),
         Command::Poses(arguments) => poses::run(arguments),
+        Command::Tracks(arguments) => tracks::run(arguments),
         Command::Pnp(arguments) => pnp::run(arguments),
         Command::Kitti(arguments) => kitti::run(arguments),
         Command::Coco(arguments) => coco::run(arguments),

@@ -1,6 +1,10 @@
 //! `partpose export`: results in other programs' formats, and other programs' results in ours; the network as an ONNX
 //! model.
 
+#[cfg(feature = "mcap")]
+mod mcap;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod network;
 mod read;
 pub(crate) mod scene;
@@ -54,8 +58,15 @@ pub(crate) struct Arguments {
     /// COCO annotations whose ids of images and categories are to be used
     #[arg(long, value_name = "FILE")]
     coco_ids: Option<PathBuf>,
+    /// Export the poses of `--track` of `run` or `fit`, where vehicles have them
+    #[arg(long)]
+    tracked: bool,
     #[command(flatten)]
     scene: scene::SceneFlags,
+    /// Images a second, for MCAP
+    #[cfg(feature = "mcap")]
+    #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = crate::commands::tracking::parse_rate)]
+    fps: f64,
     /// Folder to write to
     #[arg(long, value_name = "DIR", required = true)]
     out: Option<PathBuf>,
@@ -83,6 +94,12 @@ enum Format {
     Openlabel,
     /// One GLB scene an image: models, camera, frustum with the picture, true boxes
     Glb,
+    /// One MCAP file for Foxglove and ROS 2: pictures, calibration, `vision_msgs/Detection3DArray`
+    #[cfg(feature = "mcap")]
+    Mcap,
+    /// One Parquet table, one row a vehicle
+    #[cfg(feature = "parquet")]
+    Parquet,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
@@ -104,7 +121,10 @@ fn export_results(
 ) -> anyhow::Result<Outcome> {
     let zoo = arguments.zoo.as_ref().map(|folder| ModelZoo::load(folder)).transpose()?;
     let camera = arguments.camera.as_deref().map(load_camera).transpose()?;
-    let (images, skipped) = read::read(results, arguments.from, camera, zoo.as_ref())?;
+    let (mut images, skipped) = read::read(results, arguments.from, camera, zoo.as_ref())?;
+    if arguments.tracked {
+        images = images.into_iter().map(scene::as_tracked).collect();
+    }
     let ids = arguments.coco_ids.as_deref().map(read_coco_ids).transpose()?;
     files::create_folder(out)?;
     match to {
@@ -117,6 +137,13 @@ fn export_results(
             let zoo = zoo.unwrap_or_else(ModelZoo::embedded);
             write_glb(out, &scene::frames(images.clone(), &arguments.scene)?, &zoo)?;
         }
+        #[cfg(feature = "mcap")]
+        Format::Mcap => {
+            let frames = scene::frames(images.clone(), &arguments.scene)?;
+            mcap::write(out, &frames, arguments.fps)?;
+        }
+        #[cfg(feature = "parquet")]
+        Format::Parquet => parquet::write(out, &images)?,
         Format::Openlabel => write_json(&out.join("openlabel.json"), &openlabel(&images))?,
     }
     let vehicles: usize = images.iter().map(|image| image.vehicles.len()).sum();

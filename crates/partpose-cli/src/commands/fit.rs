@@ -6,12 +6,14 @@ use partpose::detection::Detection;
 use partpose::files::{self, RgbImage};
 use partpose::formats::DetectionFile;
 use partpose::geometry::Camera;
+use partpose::labeling::Shard;
 use rayon::prelude::*;
 
 use crate::camera::load_camera;
 use crate::commands::detection_files;
 use crate::commands::fitting::{Counts, FitFlags, Fitter, Fitting};
 use crate::commands::result_files;
+use crate::commands::tracking::{self, TrackFlags};
 use crate::progress;
 use crate::report::{Outcome, note, warn};
 
@@ -19,7 +21,8 @@ use crate::report::{Outcome, note, warn};
 #[command(after_help = "\
 Examples:
   partpose fit --detections detections.safetensors --camera camera.toml --fit dense --out poses
-  partpose fit --detections run/detections --camera calib/000001.txt --images image_2 --out poses")]
+  partpose fit --detections run/detections --camera calib/000001.txt --images image_2 --out poses
+  partpose fit --detections run/detections --camera camera.toml --track --fps 25 --out poses")]
 pub(crate) struct Arguments {
     /// Detections: safetensors with `boxes`, `scores` and `part_probabilities` (docs/formats.md), or a folder of such
     /// files
@@ -36,6 +39,11 @@ pub(crate) struct Arguments {
     images: Option<PathBuf>,
     #[command(flatten)]
     fit: FitFlags,
+    #[command(flatten)]
+    track: TrackFlags,
+    /// Do part I of N of the images; all parts may write to the same folder
+    #[arg(long, value_name = "I/N", conflicts_with = "track")]
+    shard: Option<Shard>,
     /// Folder for results: one JSON, one KITTI text and one picture an image
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -56,8 +64,18 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         file.detections.iter().any(|(_, d)| d.size.is_some()),
     )?;
     let camera = load_camera(&arguments.camera)?;
-    let by_image = by_image(file, arguments.min_score)?;
+    let mut by_image = by_image(file, arguments.min_score)?;
+    if let Some(shard) = &arguments.shard {
+        let mut index = 0..;
+        by_image.retain(|_| index.next().is_some_and(|index| shard.has(index)));
+    }
     files::create_folder(&arguments.out)?;
+    let frame = |image: &ImageDetections| tracking::Frame {
+        name: image.name.clone(),
+        stem: image.stem.clone(),
+        world_from_camera: None,
+    };
+    let frames: Vec<tracking::Frame> = by_image.iter().map(frame).collect();
     let bar = progress::bar("images", by_image.len() as u64);
     let done: Vec<anyhow::Result<Counts>> = by_image
         .into_par_iter()
@@ -72,6 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     for counts in done {
         total.add(&counts?);
     }
+    tracking::track(&arguments.out, &frames, &arguments.track, fitter.zoo())?;
     let reasons = if total.without == 0 { "" } else { " (the results say why)" };
     note(format_args!(
         "found {} poses, {} detections have none{reasons}; wrote `{}`",

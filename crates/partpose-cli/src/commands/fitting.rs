@@ -184,6 +184,11 @@ impl Fitter {
         })
     }
 
+    /// The models.
+    pub(crate) fn zoo(&self) -> &ModelZoo {
+        &self.zoo
+    }
+
     /// What the results depend on.
     pub(crate) fn settings(&self) -> &ResultSettings {
         &self.settings

@@ -17,6 +17,7 @@ use self::inputs::Input;
 use crate::camera::{Cameras, Origin};
 use crate::commands::detection_files::ENDING;
 use crate::commands::fitting::{Counts, FitFlags, Fitter, Fitting, parse_score};
+use crate::commands::tracking::{self, TrackFlags};
 use crate::network::{EngineFlags, Network};
 use crate::progress;
 use crate::report::{Outcome, note, warn};
@@ -34,6 +35,8 @@ Examples:
   partpose run training/image_2 --camera . --out out
       a KITTI or Virtual KITTI folder knows the camera of each of its images
   partpose run 'frames/*.png' --camera camera.toml --shard 1/2 --resume --out out
+  partpose run frames --camera camera.toml --track --fps 25 --out out
+      the images are a sequence: vehicles keep their numbers, poses are smoothed
   partpose run frames --camera camera.toml --onnx-model mine.onnx --mapping mine.toml --out out
       a detector of your own (docs/guide/5-detector.md)")]
 pub(crate) struct Arguments {
@@ -57,18 +60,20 @@ pub(crate) struct Arguments {
     min_score: f64,
     #[command(flatten)]
     fit: FitFlags,
+    #[command(flatten)]
+    track: TrackFlags,
     /// Keep what an earlier run with the same settings has written, and do the rest
     #[arg(long)]
     resume: bool,
     /// Do part I of N of the images; all parts may write to the same folder
-    #[arg(long, value_name = "I/N")]
+    #[arg(long, value_name = "I/N", conflicts_with = "track")]
     shard: Option<Shard>,
     /// Folder for results: JSON, KITTI text and a picture an image, and the detections in `detections/`
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
 
-fn parse_angle(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_angle(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (1.0..=170.0).contains(&value) => Ok(value),
         _ => Err("an angle from 1 to 170 degrees is meant".to_owned()),
@@ -147,11 +152,28 @@ fn run_with(
     bar.finish_and_clear();
     let counts = counts?;
     tell_guesses(arguments, guesses);
+    follow(arguments, inputs, &cameras, &fitter)?;
     if open.len() == unreadable && done.is_empty() {
         anyhow::bail!("none of the {unreadable} images could be done");
     }
     tell(arguments, &counts, [open.len() - unreadable, done.len(), unreadable]);
     Ok(if unreadable + counts.skipped == 0 { Outcome::Done } else { Outcome::Skipped })
+}
+
+/// Follows vehicles from image to image, if that is asked for.
+fn follow(
+    arguments: &Arguments,
+    inputs: &[Input],
+    cameras: &Cameras,
+    fitter: &Fitter,
+) -> anyhow::Result<()> {
+    let frame = |input: &'_ Input| tracking::Frame {
+        name: input.name.clone(),
+        stem: input.stem.clone(),
+        world_from_camera: cameras.world_from_camera(&input.path),
+    };
+    let frames: Vec<tracking::Frame> = inputs.iter().map(frame).collect();
+    tracking::track(&arguments.out, &frames, &arguments.track, fitter.zoo())
 }
 
 fn tell_guesses(arguments: &Arguments, [exif, fov]: [usize; 2]) {

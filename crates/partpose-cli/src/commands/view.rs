@@ -26,6 +26,9 @@ pub(crate) struct Arguments {
     /// Zoo of the results' models; the embedded one if not given
     #[arg(long, value_name = "DIR")]
     zoo: Option<PathBuf>,
+    /// Show vehicles where `--track` of `run` or `fit` has them, not their frames alone
+    #[arg(long)]
+    tracked: bool,
     #[command(flatten)]
     scene: scene::SceneFlags,
     /// Title of the page
@@ -51,6 +54,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         let count = images.len();
         let error = anyhow::anyhow!("{count} images are more than the {MOST_IMAGES} of a page");
         return Err(hint(error, "name some of the result files"));
+    }
+    if arguments.tracked {
+        images = images.into_iter().map(scene::as_tracked).collect();
     }
     let known = |name: &str| zoo.get(name).is_some();
     let vehicles = || images.iter().flat_map(|image| &image.vehicles);

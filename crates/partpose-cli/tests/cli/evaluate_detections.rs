@@ -181,6 +181,92 @@ fn detections_of_a_file_are_scored_in_all_three_ways() {
 }
 
 #[test]
+fn parts_of_a_fit_are_together_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let zoo = dataset(folder.path());
+    write_detections(&folder.path().join("found.safetensors"), &detections(folder.path(), &zoo))
+        .unwrap();
+    let fit = |more: &[&str]| {
+        let arguments =
+            ["fit", "--detections", "found.safetensors", "--camera", "vkitti", "--fit", "epnp"];
+        let said = run(folder.path(), &[&arguments[..], &["--no-pictures"], more].concat());
+        assert!(said.ends_with("--- exit 0\n"), "{said}");
+    };
+    fit(&["--out", "whole"]);
+    for shard in ["1/3", "2/3", "3/3"] {
+        fit(&["--out", "parts", "--shard", shard]);
+    }
+    let files = |name: &str| {
+        let entries = fs::read_dir(folder.path().join(name)).unwrap();
+        let mut files: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+        files.sort();
+        let named = |path: std::path::PathBuf| {
+            (path.file_name().unwrap().to_owned(), fs::read(&path).unwrap())
+        };
+        files.into_iter().map(named).collect::<Vec<_>>()
+    };
+    assert_eq!(files("whole").len(), 8);
+    assert_eq!(files("whole"), files("parts"));
+}
+
+#[test]
+fn vehicles_of_a_sequence_keep_their_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let zoo = dataset(folder.path());
+    let mut file = DetectionFile { images: Vec::new(), detections: Vec::new() };
+    for (index, (frame, mut found)) in perfect(folder.path(), &zoo).into_iter().enumerate() {
+        // The second frame of each sequence has them in another order.
+        found.rotate_left(index % 2);
+        file.images.push(format!("{}.png", frame.name()));
+        file.detections.extend(found.into_iter().map(|found| (index, found)));
+    }
+    write_detections(&folder.path().join("found.safetensors"), &file).unwrap();
+    for how in ["--track", "--track=filter"] {
+        let said = run(
+            folder.path(),
+            &[
+                "fit",
+                "--detections",
+                "found.safetensors",
+                "--camera",
+                "vkitti",
+                how,
+                "--no-pictures",
+                "--out",
+                "fit",
+            ],
+        );
+        assert!(said.contains("followed 6 vehicles through 12 sightings in 2 sequences"), "{said}");
+        let said = run(
+            folder.path(),
+            &["evaluate", "tracks", "--dataset", "vkitti", "--results", "fit", "--out", "tracks"],
+        );
+        assert!(said.contains("0 changes of number, 0 tracks of more than one vehicle"), "{said}");
+        let scores = metrics(folder.path(), "tracks");
+        assert_eq!((number(&scores, "tracked"), number(&scores, "sightings")), (8.0, 8.0));
+    }
+    let text = fs::read_to_string(folder.path().join("fit/tracks/0001_clone.txt")).unwrap();
+    let numbers: Vec<Vec<&str>> =
+        text.lines().map(|line| line.split(' ').take(3).collect()).collect();
+    assert_eq!(numbers.len(), 6, "{text}");
+    assert_eq!(numbers[0], ["0", "1", "Car"]);
+    assert_eq!(text.lines().next().unwrap().split(' ').count(), 18);
+    // Others are told that there is nothing to score.
+    run(
+        folder.path(),
+        &["fit", "--detections", "found.safetensors", "--camera", "vkitti", "--out", "fit"],
+    );
+    let said = run(
+        folder.path(),
+        &["evaluate", "tracks", "--dataset", "vkitti", "--results", "fit", "--out", "t"],
+    );
+    assert!(
+        said.contains("no labelled vehicle has a track") && said.ends_with("--- exit 2\n"),
+        "{said}"
+    );
+}
+
+#[test]
 fn detections_that_do_not_fit_the_frames_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let zoo = dataset(folder.path());

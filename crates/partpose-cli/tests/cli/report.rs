@@ -25,6 +25,12 @@ fn evaluation(root: &Path) {
     fs::write(folder.join("tables.md"), "**Table V: filters**\n").unwrap();
     fs::write(folder.join("table-1.csv"), ",count\nbaseline,61\n").unwrap();
     fs::write(folder.join("log.csv"), "step,loss\n1,3.5\n2,2.5\n3,2.0\n").unwrap();
+    fs::write(folder.join("confusion.csv"), "truth,roof,hood\nroof,9,1\nhood,2,8\n").unwrap();
+    let curve = "detections,score,precision,recall\nnet,0.9,1.0,0.2\nnet,0.5,0.9,0.8\n";
+    fs::write(folder.join("curves.csv"), curve).unwrap();
+    let times =
+        ",median ms,mean ms,IoU of all %,model %\ndense (28 x 28),9,9,80.0,90\npaper,1,1,50.0,40\n";
+    fs::write(folder.join("comparison-1.csv"), times).unwrap();
     let picture = partpose::files::RgbImage { size: [8, 8], pixels: vec![90; 192] };
     for frame in [0, 30, 59] {
         let path = folder.join(format!("pictures/0001_clone_{frame:05}.png"));
@@ -50,6 +56,9 @@ fn a_report_holds_tables_plots_and_the_best_and_the_worst() {
         "Calibration",
         "log: loss",
         "Models: what each is taken for",
+        "Parts: what each is taken for",
+        "precision over recall",
+        "Accuracy over time",
         "Best vehicles",
         "0001/clone/00000 at 5.0 m: sedan taken for suv, 3D IoU 1.000",
         "0001/clone/00059 at 64.0 m",

@@ -64,8 +64,14 @@ pub(super) fn assemble(out: &Path, id: &SequenceId, frames: &[u32]) -> Result<()
     remove(&folder(out, id))
 }
 
-/// Removes the folder of the fragments when nothing is unfinished.
-pub(super) fn clean(out: &Path) -> Result<(), FileError> {
+/// Removes the folder of the fragments when nothing is unfinished; other parts of a data set that are at it may have
+/// theirs there.
+pub(super) fn clean(out: &Path, shares: bool) -> Result<(), FileError> {
+    if shares {
+        // It is removed by the last.
+        let _ = fs::remove_dir(out.join(FOLDER));
+        return Ok(());
+    }
     remove(&out.join(FOLDER))
 }
 

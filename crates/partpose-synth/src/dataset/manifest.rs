@@ -21,19 +21,24 @@ pub(super) fn claim(out: &Path, options: &SynthOptions, zoo: &ModelZoo) -> Resul
     files::create_folder(out)?;
     let path = out.join(MANIFEST);
     let asked = describe(options, zoo);
+    let shares = options.shard.is_some();
+    let found = first_entry(out)?.filter(|found| !(shares && found == MANIFEST));
     if path.is_file() {
-        if !options.resume {
+        if !options.resume && !shares {
             return Err(SynthError::Exists { path: out.to_owned() });
         }
         let begun: Map<String, Value> = serde_json::from_slice(&files::read(&path)?)
             .map_err(|source| SynthError::Manifest { path: path.clone(), source })?;
         same(out, &begun, &asked)?;
-        return Ok(sweep(out, DEPTH)?);
+        // What looks unfinished may be another part's, which is at it.
+        return if shares { Ok(()) } else { Ok(sweep(out, DEPTH)?) };
     }
-    if let Some(found) = first_entry(out)? {
+    if let Some(found) = found {
         return Err(SynthError::Foreign { path: out.to_owned(), found });
     }
-    sweep(out, 0)?;
+    if !shares {
+        sweep(out, 0)?;
+    }
     let text = serde_json::to_string_pretty(&asked).unwrap_or_default() + "\n";
     files::write(&path, text.as_bytes())?;
     Ok(())

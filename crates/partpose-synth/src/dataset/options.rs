@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use partpose::labeling::Shard;
+
 use super::{Effect, SynthError};
 use crate::shading::RenderOptions;
 use crate::world::{CameraOptions, SceneKind, Variation};
@@ -37,6 +39,9 @@ pub struct SynthOptions {
     pub threads: usize,
     /// Goes on with a run that was cut off.
     pub resume: bool,
+    /// The part of the sequences that is written here; all of them if `None`. Parts share a folder, which none of them
+    /// finds empty but the first.
+    pub shard: Option<Shard>,
 }
 
 impl Default for SynthOptions {
@@ -54,6 +59,7 @@ impl Default for SynthOptions {
             layout: None,
             threads: 0,
             resume: false,
+            shard: None,
         }
     }
 }

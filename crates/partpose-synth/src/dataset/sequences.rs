@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use partpose::dataset::{Dataset, SequenceId};
 use partpose::geometry::Camera;
+use partpose::labeling::Shard;
 
 use super::{SynthError, SynthOptions};
 use crate::world::{Fleet, Layout, SceneKind, Variation, World, WorldOptions};
@@ -41,6 +42,18 @@ pub(super) fn plan(options: &SynthOptions) -> Result<Vec<PlannedWorld>, SynthErr
         source: Source::Random { kind, index },
     };
     Ok(kinds.iter().flat_map(|kind| (0..options.worlds).map(|index| world(*kind, index))).collect())
+}
+
+/// Leaves the sequences of one part, counted over all worlds.
+pub(super) fn keep(planned: &mut Vec<PlannedWorld>, shard: &Shard) {
+    let mut count = 0;
+    for world in planned.iter_mut() {
+        world.variations.retain(|_| {
+            count += 1;
+            shard.has(count - 1)
+        });
+    }
+    planned.retain(|world| !world.variations.is_empty());
 }
 
 /// The clone of every world of a data set, as many frames as asked for, in the variations asked for.

@@ -39,15 +39,13 @@ impl Photo {
 
 /// Reads a PNG or JPEG picture within the limits of size.
 pub fn read_photo(path: &Path) -> Result<Photo, FileError> {
+    decode_photo(path, &read(path)?)
+}
+
+/// The same from the bytes of a file; `path` is for messages only.
+pub fn decode_photo(path: &Path, bytes: &[u8]) -> Result<Photo, FileError> {
     let failed = |source| FileError::Image { path: path.to_owned(), source };
-    let reader = ImageReader::new(Cursor::new(read(path)?)).with_guessed_format();
-    let mut reader = reader.map_err(|source| FileError::read(path, source))?;
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_IMAGE_SIDE);
-    limits.max_image_height = Some(MAX_IMAGE_SIDE);
-    limits.max_alloc = Some(MAX_IMAGE_ALLOC);
-    reader.limits(limits);
-    let mut decoder = reader.into_decoder().map_err(failed)?;
+    let mut decoder = decoder(path, bytes)?;
     // Notes that cannot be read are none; the pixels count.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let focal_35mm = decoder.exif_metadata().ok().flatten().and_then(|exif| focal_35mm(&exif));
@@ -56,6 +54,23 @@ pub fn read_photo(path: &Path) -> Result<Photo, FileError> {
     let image = if image.color().has_alpha() { on_black(&image) } else { image.into_rgb8() };
     let image = RgbImage { size: [image.width(), image.height()], pixels: image.into_raw() };
     Ok(Photo { image, focal_35mm })
+}
+
+/// Width and height of a PNG or JPEG picture as it is stored, from the beginning of its bytes.
+pub fn photo_size(path: &Path, bytes: &[u8]) -> Result<[u32; 2], FileError> {
+    let (width, height) = decoder(path, bytes)?.dimensions();
+    Ok([width, height])
+}
+
+fn decoder<'a>(path: &Path, bytes: &'a [u8]) -> Result<impl ImageDecoder + 'a, FileError> {
+    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    let mut reader = reader.map_err(|source| FileError::read(path, source))?;
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_IMAGE_SIDE);
+    limits.max_image_height = Some(MAX_IMAGE_SIDE);
+    limits.max_alloc = Some(MAX_IMAGE_ALLOC);
+    reader.limits(limits);
+    reader.into_decoder().map_err(|source| FileError::Image { path: path.to_owned(), source })
 }
 
 fn on_black(image: &DynamicImage) -> image::RgbImage {

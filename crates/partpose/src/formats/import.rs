@@ -75,6 +75,7 @@ pub fn import_kitti(folder: &Path, options: &ImportOptions) -> Result<Vec<PosedI
                 cuboid,
                 confidence: None,
                 reprojection_rmse: None,
+                track: None,
             });
         }
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -119,6 +120,7 @@ pub fn import_nuscenes(
                 cuboid,
                 confidence: None,
                 reprojection_rmse: None,
+                track: None,
             });
         }
         images.push(PosedImage { image, camera, vehicles });
@@ -190,6 +192,7 @@ pub fn import_openlabel(
                 cuboid,
                 confidence: None,
                 reprojection_rmse: None,
+                track: None,
             });
         }
         images.push((
@@ -249,6 +252,7 @@ pub fn import_bop(path: &Path, options: &ImportOptions) -> Result<Vec<PosedImage
             cuboid,
             confidence: None,
             reprojection_rmse: None,
+            track: None,
         });
     }
     Ok(images.into_values().collect())

@@ -4,7 +4,6 @@
 //! back with the reader of KITTI data sets.
 
 use std::f64::consts::FRAC_PI_2;
-use std::fmt::Write;
 
 use crate::geometry::{Cuboid, EulerAngles, Rect, Vector3, wrap_angle};
 
@@ -30,39 +29,38 @@ pub struct KittiRow {
 /// `offset` is [`crate::dataset::KittiCalibration::offset`] where the images are KITTI's, whose labels live in the
 /// frame of another camera, else zero.
 pub fn kitti_text(rows: &[KittiRow], offset: &Vector3) -> String {
-    let mut text = String::new();
-    for row in rows {
-        let pose = &row.cuboid.camera_from_vehicle;
-        let place = pose.translation.vector - offset;
-        let angles = EulerAngles::from_rotation(&pose.rotation.to_rotation_matrix());
-        // rotation_y = 0 faces right; our vehicles face along z where their yaw is 0.
-        let yaw = wrap_angle(angles.y - FRAC_PI_2);
-        let alpha = wrap_angle(yaw - place.x.atan2(place.z));
-        let category: String =
-            row.category.chars().map(|c| if c.is_whitespace() { '_' } else { c }).collect();
-        let truncation =
-            row.truncation.map_or("-1".to_owned(), |truncation| format!("{truncation:.2}"));
-        let occluded = row.occluded.map_or(-1, i16::from);
-        let (bounds, extent) = (&row.bounds, &row.cuboid.extent);
-        // Writing to a string does not fail.
-        let _ = writeln!(
-            text,
-            "{category} {truncation} {occluded} {alpha:.4} {:.2} {:.2} {:.2} {:.2} \
-             {:.4} {:.4} {:.4} {:.4} {:.4} {:.4} {yaw:.4} {:.6}",
-            bounds.x_min,
-            bounds.y_min,
-            bounds.x_max,
-            bounds.y_max,
-            extent.height,
-            extent.width,
-            extent.length,
-            place.x,
-            place.y,
-            place.z,
-            row.score,
-        );
-    }
-    text
+    rows.iter().map(|row| row_text(row, offset)).collect()
+}
+
+/// One line, its end included.
+pub(super) fn row_text(row: &KittiRow, offset: &Vector3) -> String {
+    let pose = &row.cuboid.camera_from_vehicle;
+    let place = pose.translation.vector - offset;
+    let angles = EulerAngles::from_rotation(&pose.rotation.to_rotation_matrix());
+    // rotation_y = 0 faces right; our vehicles face along z where their yaw is 0.
+    let yaw = wrap_angle(angles.y - FRAC_PI_2);
+    let alpha = wrap_angle(yaw - place.x.atan2(place.z));
+    let category: String =
+        row.category.chars().map(|c| if c.is_whitespace() { '_' } else { c }).collect();
+    let truncation =
+        row.truncation.map_or("-1".to_owned(), |truncation| format!("{truncation:.2}"));
+    let occluded = row.occluded.map_or(-1, i16::from);
+    let (bounds, extent) = (&row.bounds, &row.cuboid.extent);
+    format!(
+        "{category} {truncation} {occluded} {alpha:.4} {:.2} {:.2} {:.2} {:.2} \
+         {:.4} {:.4} {:.4} {:.4} {:.4} {:.4} {yaw:.4} {:.6}\n",
+        bounds.x_min,
+        bounds.y_min,
+        bounds.x_max,
+        bounds.y_max,
+        extent.height,
+        extent.width,
+        extent.length,
+        place.x,
+        place.y,
+        place.z,
+        row.score,
+    )
 }
 
 #[cfg(test)]

@@ -74,6 +74,31 @@ pub struct PosedVehicle {
     pub confidence: Option<f64>,
     /// Root mean square distance of projected and seen part centres in pixels, where the fit rests on them.
     pub reprojection_rmse: Option<f64>,
+    /// What the frames of a sequence say together, where they were followed.
+    pub track: Option<PosedTrack>,
+}
+
+/// A vehicle's place in a sequence.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PosedTrack {
+    /// Its number, the same in all frames.
+    pub id: u32,
+    /// The likeliest model over the frames.
+    pub model: String,
+    /// The smoothed pose and size.
+    pub cuboid: Cuboid,
+}
+
+impl PosedVehicle {
+    /// The same with pose, size and model of its track, where it has one.
+    #[must_use]
+    pub fn tracked(mut self) -> Self {
+        if let Some(track) = &self.track {
+            self.cuboid = track.cuboid;
+            self.model.clone_from(&track.model);
+        }
+        self
+    }
 }
 
 #[derive(Serialize, Deserialize)]
@@ -89,6 +114,8 @@ struct VehicleRecord {
     score: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     pose: Option<PoseRecord>,
+    #[serde(default, skip_serializing)]
+    track: Option<TrackRecord>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -109,6 +136,15 @@ struct PoseRecord {
 #[derive(Deserialize)]
 struct DenseRecord {
     confidence: Option<f64>,
+}
+
+#[derive(Deserialize)]
+struct TrackRecord {
+    id: u32,
+    model: String,
+    translation: [f64; 3],
+    rotation: [[f64; 3]; 3],
+    extent: Extent,
 }
 
 /// Reads the result of one image; `category` gives the category of a model by its name.
@@ -138,28 +174,22 @@ pub fn parse_result(
     for (index, vehicle) in record.vehicles.into_iter().enumerate() {
         let wrong = |what| ResultFileError::Vehicle { path: path.to_owned(), index, what };
         let Some(pose) = vehicle.pose else { continue };
-        let sensible = |values: &[f64]| values.iter().all(|value| value.abs() <= ABSURD);
         if !vehicle.score.is_finite() {
             return Err(wrong("score"));
         }
-        if !sensible(&vehicle.bounds) {
+        if !is_sensible(&vehicle.bounds) {
             return Err(wrong("box"));
         }
-        if !sensible(&pose.translation) {
-            return Err(wrong("translation"));
-        }
-        if !pose.extent.is_valid() {
-            return Err(wrong("extent"));
-        }
-        let [a, b, c] = pose.rotation;
-        let matrix = Matrix3::from_row_slice(&[a, b, c].concat());
-        let miss = (matrix * matrix.transpose() - Matrix3::identity()).abs().max();
-        if !(miss <= ROTATION_TOLERANCE) || matrix.determinant() < 0.0 {
-            return Err(wrong("rotation"));
-        }
-        let rotation =
-            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
-        let place = Vector3::from(pose.translation);
+        let cuboid = cuboid(&pose.translation, pose.rotation, pose.extent).map_err(wrong)?;
+        let track = match vehicle.track {
+            Some(track) => Some(PosedTrack {
+                id: track.id,
+                model: track.model,
+                cuboid: self::cuboid(&track.translation, track.rotation, track.extent)
+                    .map_err(wrong)?,
+            }),
+            None => None,
+        };
         let [left, top, right, bottom] = vehicle.bounds;
         vehicles.push(PosedVehicle {
             category: pose.category.unwrap_or_else(|| category(&pose.model)),
@@ -168,13 +198,37 @@ pub fn parse_result(
             score: vehicle.score,
             confidence: pose.dense.and_then(|dense| dense.confidence),
             reprojection_rmse: pose.reprojection_rmse,
-            cuboid: Cuboid {
-                camera_from_vehicle: Pose::from_parts(place.into(), rotation),
-                extent: pose.extent,
-            },
+            cuboid,
+            track,
         });
     }
     Ok(PosedImage { image: record.image, camera: record.camera, vehicles })
+}
+
+fn is_sensible(values: &[f64]) -> bool {
+    values.iter().all(|value| value.abs() <= ABSURD)
+}
+
+/// The cuboid of a record, or what of it makes no sense.
+fn cuboid(
+    translation: &[f64; 3],
+    [a, b, c]: [[f64; 3]; 3],
+    extent: Extent,
+) -> Result<Cuboid, &'static str> {
+    if !is_sensible(translation) {
+        return Err("translation");
+    }
+    if !extent.is_valid() {
+        return Err("extent");
+    }
+    let matrix = Matrix3::from_row_slice(&[a, b, c].concat());
+    let miss = (matrix * matrix.transpose() - Matrix3::identity()).abs().max();
+    if !(miss <= ROTATION_TOLERANCE) || matrix.determinant() < 0.0 {
+        return Err("rotation");
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
+    let place = Vector3::from(*translation);
+    Ok(Cuboid { camera_from_vehicle: Pose::from_parts(place.into(), rotation), extent })
 }
 
 /// The JSON of an image whose poses come from elsewhere; [`parse_result`] reads it as it reads that of `fit`.
@@ -196,6 +250,7 @@ pub fn result_json(image: &PosedImage) -> String {
                 reprojection_rmse: vehicle.reprojection_rmse,
                 dense: None,
             }),
+            track: None,
         }
     };
     let record = ImageRecord {
@@ -232,6 +287,7 @@ pub(super) mod tests {
                 },
                 confidence: None,
                 reprojection_rmse: None,
+                track: None,
             }
         };
         PosedImage {

@@ -321,12 +321,12 @@ fn dense_result(estimate: &PoseEstimate, report: &DenseReport) -> DenseResult {
     }
 }
 
-fn rows<const N: usize>(matrix: &nalgebra::SMatrix<f64, N, N>) -> Vec<Vec<f64>> {
+pub(super) fn rows<const N: usize>(matrix: &nalgebra::SMatrix<f64, N, N>) -> Vec<Vec<f64>> {
     matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
 }
 
 /// Translation, and the rows of the rotation.
-fn placed(camera_from_vehicle: &Pose) -> ([f64; 3], [[f64; 3]; 3]) {
+pub(super) fn placed(camera_from_vehicle: &Pose) -> ([f64; 3], [[f64; 3]; 3]) {
     let rotation = camera_from_vehicle.rotation.to_rotation_matrix();
     let m = rotation.matrix();
     let rows = std::array::from_fn(|row| std::array::from_fn(|column| m[(row, column)]));

@@ -69,9 +69,14 @@ pub struct ShardError {
 }
 
 impl Shard {
+    /// Whether a piece of work, counted from 0, belongs to this part.
+    pub fn has(&self, piece: usize) -> bool {
+        piece % self.count.max(1) + 1 == self.index
+    }
+
     /// Whether a block of a sequence belongs to this part.
     pub(super) fn holds(&self, sequence: usize, block: usize) -> bool {
-        (sequence + block) % self.count.max(1) + 1 == self.index
+        self.has(sequence + block)
     }
 }
 

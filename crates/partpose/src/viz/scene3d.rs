@@ -50,6 +50,9 @@ impl SceneFrame {
                 format!("{:.2}, {:.2}, {:.2} m", extent.width, extent.height, extent.length),
             ),
         ];
+        if let Some(track) = &vehicle.track {
+            facts.push(("track", track.id.to_string()));
+        }
         if let Some(rmse) = vehicle.reprojection_rmse {
             facts.push(("reprojection", format!("{rmse:.2} px")));
         }

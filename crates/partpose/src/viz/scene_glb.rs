@@ -254,6 +254,7 @@ mod tests {
             },
             confidence: None,
             reprojection_rmse: None,
+            track: None,
         };
         let vehicles = vec![vehicle(zoo.models[0].name()), vehicle("of no zoo")];
         let photo = encode_png(&RgbImage { size: [2, 2], pixels: vec![9; 12] });

@@ -11,6 +11,8 @@ const MARGINS: [f64; 4] = [56.0, 52.0, 16.0, 40.0];
 const CELL: f64 = 26.0;
 /// Pixels a character of a label takes, about.
 const LETTER: f64 = 6.6;
+/// Most dots that are drawn large.
+const FEW: usize = 60;
 /// Longest label of a matrix, characters.
 const LONGEST: usize = 24;
 
@@ -95,6 +97,12 @@ fn draw(svg: &mut String, series: &Series, color: &str, [x, y]: [&Ruler; 2], flo
             Mark::Line => writeln!(
                 svg,
                 "<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3\" fill=\"{color}\"><title>{}</title></circle>",
+                told(point)
+            ),
+            // Few dots are things that somebody wants to tell apart.
+            Mark::Dots if placed.len() <= FEW => writeln!(
+                svg,
+                "<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"4\" fill=\"{color}\"><title>{}</title></circle>",
                 told(point)
             ),
             Mark::Dots => writeln!(

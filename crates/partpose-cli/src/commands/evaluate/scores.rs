@@ -56,7 +56,9 @@ pub(crate) fn own_results(given: &Path) -> anyhow::Result<Option<Vec<PosedImage>
     let mut paths =
         if given.is_dir() { files_with_ending(given, "json")? } else { vec![given.to_owned()] };
     let category = |_: &str| "Car".to_owned();
-    paths.retain(|path| path.file_name().is_none_or(|name| name != "metrics.json"));
+    paths.retain(|path| {
+        path.file_name().is_none_or(|name| name != "metrics.json" && name != "run.json")
+    });
     if paths.first().is_none_or(|path| read_result(path, &category).is_err()) {
         return Ok(None);
     }

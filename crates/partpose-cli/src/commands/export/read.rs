@@ -71,7 +71,8 @@ pub(crate) fn read_results(
     // Other JSON lies beside the results of some commands.
     let other = |path: &Path| {
         let name = path.file_name().unwrap_or_default();
-        ["metrics.json", "carved.json", "images.json", "objects.json"].iter().any(|o| *o == name)
+        let known = ["metrics.json", "carved.json", "images.json", "objects.json", "run.json"];
+        known.iter().any(|other| *other == name)
     };
     let paths = if path.is_dir() {
         files_with_ending(path, "json")?.into_iter().filter(|path| !other(path)).collect()

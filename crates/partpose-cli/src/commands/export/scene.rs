@@ -26,6 +26,12 @@ pub(crate) struct SceneFlags {
     truth_from: Source,
 }
 
+/// The image with its vehicles where their tracks have them.
+pub(crate) fn as_tracked(image: PosedImage) -> PosedImage {
+    let vehicles = image.vehicles.into_iter().map(PosedVehicle::tracked).collect();
+    PosedImage { vehicles, ..image }
+}
+
 /// Adds pictures and true poses; a picture that is not there is told and left out.
 pub(crate) fn frames(
     images: Vec<PosedImage>,

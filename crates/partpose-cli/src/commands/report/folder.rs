@@ -41,6 +41,10 @@ pub(super) struct Run {
     pub(super) results: Vec<PosedImage>,
     /// Numbers over steps of a training, with the name of their file.
     pub(super) curves: Vec<Table>,
+    /// Counts of what each class was taken for: names before each row and above each column.
+    pub(super) confusion: Option<Table>,
+    /// Precision over recall of each source of detections.
+    pub(super) precision: Option<Table>,
 }
 
 /// Reads a folder; one that holds nothing of all that is an error.
@@ -64,19 +68,30 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Run> {
         file if file.is_file() => vehicles(&csv::read(&file)?),
         _ => Vec::new(),
     };
-    let (tables, curves) = tables(path)?;
-    let run = Run { name, metrics, tables, vehicles, pictures, results: results(path)?, curves };
+    let Tables { plain: tables, curves, confusion, precision } = tables(path)?;
+    let results = results(path)?;
+    let run =
+        Run { name, metrics, tables, vehicles, pictures, results, curves, confusion, precision };
     let empty = run.metrics.is_none() && run.tables.is_empty() && run.results.is_empty();
-    if empty && run.curves.is_empty() {
+    if empty && run.curves.is_empty() && run.confusion.is_none() {
         let error = anyhow::anyhow!("`{}` holds no run and no evaluation", path.display());
         return Err(hint(error, "give the folder that was `--out` of `fit`, `demo` or `evaluate`"));
     }
     Ok(run)
 }
 
-/// Tables with the titles that stand in the Markdown beside them, and curves over steps.
-fn tables(path: &Path) -> anyhow::Result<(Vec<Table>, Vec<Table>)> {
-    let markdown = ["tables.md", "table.md"].map(|name| path.join(name));
+/// The tables of a folder, by what is made of them.
+#[derive(Default)]
+struct Tables {
+    plain: Vec<Table>,
+    curves: Vec<Table>,
+    confusion: Option<Table>,
+    precision: Option<Table>,
+}
+
+/// Tables with the titles that stand in the Markdown beside them, and what is drawn.
+fn tables(path: &Path) -> anyhow::Result<Tables> {
+    let markdown = ["tables.md", "table.md", "comparison.md"].map(|name| path.join(name));
     let text = match markdown.iter().find(|file| file.is_file()) {
         Some(file) => files::read_text(file)?,
         None => String::new(),
@@ -84,7 +99,7 @@ fn tables(path: &Path) -> anyhow::Result<(Vec<Table>, Vec<Table>)> {
     let mut titles = text
         .lines()
         .filter_map(|line| line.strip_prefix("**")?.strip_suffix("**").map(str::to_owned));
-    let (mut tables, mut curves) = (Vec::new(), Vec::new());
+    let mut found = Tables::default();
     // `table-10.csv` comes after `table-9.csv`.
     let mut paths = files_with_ending(path, "csv")?;
     paths.sort_by_key(|path| (path.as_os_str().len(), path.clone()));
@@ -97,13 +112,20 @@ fn tables(path: &Path) -> anyhow::Result<(Vec<Table>, Vec<Table>)> {
         let over_steps = table.columns.first().is_some_and(|c| STEPS.contains(&c.as_str()));
         if over_steps {
             table.title = stem;
-            curves.push(table);
+            found.curves.push(table);
+        } else if stem == "confusion" && table.columns.len() == table.rows.len() + 1 {
+            found.confusion = Some(table);
+        } else if stem == "curves" {
+            found.precision = Some(table);
         } else {
-            table.title = titles.next().unwrap_or(stem);
-            tables.push(table);
+            // The titles are those of the numbered ones.
+            let numbered = stem.starts_with("table-") || stem.starts_with("comparison-");
+            let title = if numbered { titles.next() } else { None };
+            table.title = title.unwrap_or(stem);
+            found.plain.push(table);
         }
     }
-    Ok((tables, curves))
+    Ok(found)
 }
 
 fn vehicles(table: &Table) -> Vec<Vehicle> {

@@ -49,8 +49,12 @@ pub(super) fn page(title: &str, runs: &[Run], most: usize) -> anyhow::Result<Str
         contents(&mut html, runs);
         table(&mut html, &comparison(runs));
     }
-    let together =
-        [plots::over_distance(runs), plots::distribution(runs), plots::calibration(runs)];
+    let together = [
+        plots::over_distance(runs),
+        plots::distribution(runs),
+        plots::calibration(runs),
+        plots::time(runs),
+    ];
     figures(&mut html, together.into_iter().flatten());
     for (index, run) in runs.iter().enumerate() {
         let _ = writeln!(html, "<h2 id=\"run-{index}\">{}</h2>", html_escape(&run.name));
@@ -115,7 +119,8 @@ fn section(html: &mut String, run: &Run, most: usize) -> anyhow::Result<()> {
     if let Some(beside) = run.metrics.as_ref().and_then(paper::beside) {
         table(html, &beside);
     }
-    figures(html, plots::confusion(run).into_iter());
+    let confusions = [plots::confusion(run), plots::part_confusion(run), plots::precision(run)];
+    figures(html, confusions.into_iter().flatten());
     if !run.results.is_empty() {
         let vehicles: usize = run.results.iter().map(|image| image.vehicles.len()).sum();
         let _ = writeln!(html, "<p>{vehicles} poses in {} images</p>", run.results.len());

@@ -94,6 +94,66 @@ pub(super) fn confusion(run: &Run) -> Option<String> {
     Some(svg_matrix("Models: what each is taken for, % of its row", &rows, &columns, &counts))
 }
 
+/// What each part was called.
+pub(super) fn part_confusion(run: &Run) -> Option<String> {
+    let table = run.confusion.as_ref()?;
+    let rows: Vec<String> = table.rows.iter().map(|row| row[0].clone()).collect();
+    let counts: Vec<u64> = table
+        .rows
+        .iter()
+        .flat_map(|row| &row[1..])
+        .map(|cell| cell.parse().ok())
+        .collect::<Option<_>>()?;
+    let title = "Parts: what each is taken for, % of its row";
+    Some(svg_matrix(title, &rows, &table.columns[1..], &counts))
+}
+
+/// Precision over recall, a line a source of detections.
+pub(super) fn precision(run: &Run) -> Option<String> {
+    let table = run.precision.as_ref()?;
+    let [name, recall, precision] =
+        ["detections", "recall", "precision"].map(|name| super::csv::column(table, name));
+    let (recall, precision) = (recall?, precision?);
+    let mut lines: BTreeMap<&str, Vec<[f64; 2]>> = BTreeMap::new();
+    for row in &table.rows {
+        let (Ok(x), Ok(y)) = (row[recall].parse(), row[precision].parse()) else { continue };
+        lines.entry(name.map_or("", |name| row[name].as_str())).or_default().push([x, y]);
+    }
+    let series =
+        lines.into_iter().map(|(name, points)| Series::new(name, Mark::Curve, points)).collect();
+    plot("Boxes: precision over recall", ["recall", "precision"], series)
+}
+
+/// How accurate each configuration is over the time it takes, where a run has measured both; a colour a kind.
+pub(super) fn time(runs: &[Run]) -> Option<String> {
+    let mut kinds: BTreeMap<String, Vec<[f64; 2]>> = BTreeMap::new();
+    for table in runs.iter().flat_map(|run| &run.tables) {
+        let column = |name: &str| super::csv::column(table, name);
+        let (Some(time), Some(iou)) = (column("median ms"), column("IoU of all %")) else {
+            continue;
+        };
+        for row in &table.rows {
+            let (Ok(x), Ok(y)) = (row[time].parse::<f64>(), row[iou].parse::<f64>()) else {
+                continue;
+            };
+            let kind = row[0].split([':', ',', ' ']).next().unwrap_or_default();
+            kinds.entry(kind.to_owned()).or_default().push([x, y]);
+        }
+    }
+    if kinds.is_empty() {
+        return None;
+    }
+    let series = kinds.iter().map(|(kind, points)| Series::new(kind, Mark::Dots, points.clone()));
+    let x = Axis { logarithmic: true, ..Axis::new("milliseconds a vehicle, median") };
+    Some(svg_plot(&Plot {
+        title: "Accuracy over time".to_owned(),
+        x,
+        y: Axis::new("mean 3D IoU, %, no pose counted as 0"),
+        series: series.collect(),
+        size: [560, 340],
+    }))
+}
+
 /// Each column of numbers over the steps of a training.
 pub(super) fn curves(table: &Table) -> Vec<String> {
     let numbers = |column: usize| -> Vec<Option<f64>> {

@@ -45,9 +45,11 @@ pub(super) fn collect(wanted: &[String], shard: Option<Shard>) -> anyhow::Result
     let inputs = paths.into_iter().zip(names).zip(stems);
     let inputs = inputs.map(|((path, name), stem)| Input { path, name, stem });
     let all: Vec<Input> = match shard {
-        Some(shard) => {
-            inputs.skip(shard.index.saturating_sub(1)).step_by(shard.count.max(1)).collect()
-        }
+        Some(shard) => inputs
+            .enumerate()
+            .filter(|(index, _)| shard.has(*index))
+            .map(|(_, input)| input)
+            .collect(),
         None => inputs.collect(),
     };
     if all.is_empty() {

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use partpose::labeling::Shard;
 use partpose::vehicle::{ModelZoo, VehicleModel};
 use partpose_synth::dataset::{Effect, Progress, SynthOptions, write};
 use partpose_synth::shading::RenderOptions;
@@ -83,6 +84,9 @@ pub(super) struct MakeArguments {
     /// Go on with a run that was cut off
     #[arg(long)]
     resume: bool,
+    /// Draw part I of N of the sequences; all parts may write to the same folder, at the same time
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
 }
 
 #[derive(clap::Args)]
@@ -163,6 +167,7 @@ fn options(arguments: &MakeArguments) -> anyhow::Result<SynthOptions> {
         layout: arguments.layout_from.clone(),
         threads: arguments.threads,
         resume: arguments.resume,
+        shard: arguments.shard,
     })
 }
 
