@@ -3,9 +3,9 @@
 
 #[cfg(feature = "mcap")]
 mod mcap;
+mod network;
 #[cfg(feature = "parquet")]
 mod parquet;
-mod network;
 mod read;
 pub(crate) mod scene;
 

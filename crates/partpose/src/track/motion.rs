@@ -304,7 +304,9 @@ mod tests {
         let twice = motion.scaled(2.0);
         assert_eq!(twice.center, motion.center * 2.0);
         let (a, b) = (&motion.covariance, &twice.covariance);
-        assert!((b[(4, 4)] - 4.0 * a[(4, 4)]).abs() < 1e-12 && (a[(1, 1)] - b[(1, 1)]).abs() < 1e-12);
+        assert!(
+            (b[(4, 4)] - 4.0 * a[(4, 4)]).abs() < 1e-12 && (a[(1, 1)] - b[(1, 1)]).abs() < 1e-12
+        );
         assert!((b[(4, 1)] - 2.0 * a[(4, 1)]).abs() < 1e-12);
     }
 }

@@ -102,7 +102,8 @@ pub(super) fn first(seen: &Observation, extent: &Extent, options: &TrackOptions)
 
 /// The same motion with another rotation, of which little is known.
 pub(super) fn turned_to(motion: &Motion, seen: &Observation) -> Motion {
-    let mut turned = Motion { rotation: seen.cuboid.camera_from_vehicle.rotation, ..motion.clone() };
+    let mut turned =
+        Motion { rotation: seen.cuboid.camera_from_vehicle.rotation, ..motion.clone() };
     for i in 0..3 {
         turned.covariance[(i, i)] += UNSURE_TURN;
     }

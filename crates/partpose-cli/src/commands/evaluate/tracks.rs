@@ -10,7 +10,7 @@ use partpose::eval::{
     Configuration, EvaluationOptions, FrameOutcome, Table, TruthExtent, calibrate, evaluate_frames,
 };
 use partpose::geometry::{Cuboid, Pose};
-use partpose::oracle::{Degradation, OracleBox};
+use partpose::oracle::{Degradation, HeadErrors, OracleBox};
 use partpose::pose::{PnpMethod, PoseOptions};
 use partpose::track::{Observation, SequenceFrame, TrackOptions, TrackedPose, smooth_sequence};
 use partpose::vehicle::ModelZoo;
@@ -148,10 +148,12 @@ fn of_oracle(arguments: &Arguments, sequences: &[&[Frame]]) -> Samples {
             ExtentFlag::Model => TruthExtent::None,
         },
         bounds: OracleBox::Annotated,
+        heads: HeadErrors::default(),
         include: &|_, _| true,
         right_models: &|_| Vec::new(),
         keep_detections: &|_, _| false,
         scene: None,
+        observe: false,
     };
     let pose = PoseOptions { method: PnpMethod::Dense, ..PoseOptions::default() };
     let mut configuration =

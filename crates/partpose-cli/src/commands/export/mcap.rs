@@ -129,8 +129,7 @@ fn detections(time: u64, vehicles: &[PosedVehicle]) -> Message {
         let rotation = vehicle.cuboid.camera_from_vehicle.rotation.to_rotation_matrix();
         let rotation =
             nalgebra::UnitQuaternion::from_rotation_matrix(&(rotation * vehicle_from_body));
-        let pose =
-            [center.x, center.y, center.z, rotation.i, rotation.j, rotation.k, rotation.w];
+        let pose = [center.x, center.y, center.z, rotation.i, rotation.j, rotation.k, rotation.w];
         header(&mut message, time);
         message.count(1);
         message.text(&vehicle.category);
