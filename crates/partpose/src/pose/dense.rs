@@ -5,7 +5,9 @@
 //! and the pose goes downhill: one picture gives the energy (`energy`) and its derivatives (`jacobian`).
 //! `docs/dense-fit.md` has the equations, what was tried and what it brought.
 
+mod behind;
 mod bias;
+mod cell;
 mod energy;
 mod hypotheses;
 mod jacobian;
@@ -19,7 +21,10 @@ mod state;
 mod target;
 #[cfg(test)]
 mod tests;
+mod triangles;
 mod uncertainty;
+mod unit_mesh;
+mod vector;
 
 use serde::{Deserialize, Serialize};
 
@@ -46,6 +51,8 @@ const LEAST_EVIDENCE: f64 = 1.0;
 /// Energy per foreground cell above which the search is widened: where the whole outline is the vehicle's own, and
 /// where the image or another vehicle cuts it.
 const DOUBT: [f64; 2] = [0.25, 0.12];
+/// The same from which a vehicle of which something seems to be hidden is looked for behind that.
+const DOUBT_BEHIND: f64 = 0.04;
 /// What the dense fit supposes of masks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -114,24 +121,12 @@ impl DenseZoo {
             .ok_or(NoPose::TooLittleEvidence { found: foreground })?;
         let candidates = self.candidates(detection, extent, priors);
         let mut work = Workspace::default();
-        let mut found = models::search(&mut work, &pyramid, &outline, &candidates, &NARROW);
-        let is_doubtful = |found: &[Hypothesis]| {
-            let limit = DOUBT[usize::from(!outline.is_whole())];
-            found.first().is_none_or(|best| best.scored.data > limit * foreground)
-        };
-        if is_doubtful(&found) {
-            found.extend(models::search(&mut work, &pyramid, &outline, &candidates, &WIDE));
-            models::sort(&mut found);
-        }
-        let mut best = *found.first().ok_or(NoPose::NoStart)?;
-        let mut hidden = 0.0;
-        if self.options.find_occluders {
-            hidden = Self::pass_occluders(&mut work, &mut pyramid, &candidates, &mut best);
-        }
+        let Found { hypotheses, best, hidden } =
+            self.search(&mut work, &mut pyramid, &outline, &candidates)?;
         let asked = Asked { camera, detection, extent, outline: &outline, hidden };
-        let report = report(&mut work, &pyramid, &candidates, (&best, &found), &asked);
+        let report = report(&mut work, &pyramid, &candidates, (&best, &hypotheses), &asked);
         let energies = (0..candidates.len()).map(|index| {
-            let of_model = found.iter().find(|h| h.model == index);
+            let of_model = hypotheses.iter().find(|h| h.model == index);
             of_model.map(|h| h.scored.data / foreground).ok_or(NoPose::NoStart)
         });
         let state = &best.scored.state;
@@ -142,6 +137,43 @@ impl DenseZoo {
             candidates: energies.collect(),
             report,
         })
+    }
+
+    /// From the usual search to wider ones, as long as what was found is poor. The finest target of the pyramid loses
+    /// what is hidden.
+    fn search(
+        &self,
+        work: &mut Workspace,
+        pyramid: &mut Pyramid,
+        outline: &Outline,
+        candidates: &[Candidate],
+    ) -> Result<Found, NoPose> {
+        let foreground = pyramid.targets[LEVELS.len() - 1].foreground();
+        let mut order: Vec<usize> = (0..candidates.len()).collect();
+        let outlines = [*outline];
+        let mut found = models::search(work, pyramid, &outlines, (candidates, &order), &NARROW);
+        let limit = DOUBT[usize::from(!outline.is_whole())] * foreground;
+        if found.first().is_none_or(|best| best.scored.data > limit) {
+            models::best_first(&found, &mut order);
+            found.extend(models::search(work, pyramid, &outlines, (candidates, &order), &WIDE));
+            models::sort(&mut found);
+        }
+        let best = *found.first().ok_or(NoPose::NoStart)?;
+        if !self.options.find_occluders {
+            return Ok(Found { hypotheses: found, best, hidden: 0.0 });
+        }
+        let mut fit = behind::without_hidden(work, pyramid, candidates, &best, occluders::MOST);
+        let doubt = if fit.hidden.share > 0.0 { DOUBT_BEHIND } else { DOUBT[0] };
+        if fit.hypothesis.scored.data > doubt * foreground {
+            models::best_first(&found, &mut order);
+            let others = behind::search(work, pyramid, outline, (candidates, &order));
+            if others.first().is_some_and(|other| other.energy() < fit.energy()) {
+                found = others.iter().map(|other| other.hypothesis).collect();
+                fit = others.into_iter().next().ok_or(NoPose::NoStart)?;
+            }
+        }
+        pyramid.targets[LEVELS.len() - 1] = fit.target;
+        Ok(Found { hypotheses: found, best: fit.hypothesis, hidden: fit.hidden.share })
     }
 
     fn candidates<'a>(
@@ -178,26 +210,16 @@ impl DenseZoo {
         let best = logarithms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         logarithms.into_iter().map(|own| best - own).collect()
     }
+}
 
-    /// Fits again without what something unlabelled hides; says how much of the vehicle that is.
-    fn pass_occluders(
-        work: &mut Workspace,
-        pyramid: &mut Pyramid,
-        candidates: &[Candidate],
-        best: &mut Hypothesis,
-    ) -> f64 {
-        let fine = LEVELS.len() - 1;
-        let candidate = &candidates[best.model];
-        work.score(&pyramid.view(fine, candidate), &best.scored.state);
-        let hidden = occluders::hide(&mut pyramid.targets[fine], &work.raster);
-        if hidden > 0.0 {
-            let view = pyramid.view(fine, candidate);
-            let descent = work.descend(&view, &best.scored.state, LEVELS[fine].iterations);
-            best.scored = descent.end;
-            best.converged = descent.converged;
-        }
-        hidden
-    }
+/// What a search came to.
+struct Found {
+    /// Everything that was followed, the best first.
+    hypotheses: Vec<Hypothesis>,
+    /// The best of them, after what hides it was found.
+    best: Hypothesis,
+    /// Share of the vehicle behind something unlabelled.
+    hidden: f64,
 }
 
 /// What a fit was asked, and what was found on the way.

@@ -80,6 +80,14 @@ impl Outline {
         (left && right) || (top && bottom)
     }
 
+    /// The same, with one of the sides left, top, right and bottom taken for something else's.
+    #[must_use]
+    pub(super) fn without(&self, side: usize) -> Self {
+        let mut trusted = self.trusted;
+        trusted[side] = false;
+        Self { trusted, ..*self }
+    }
+
     /// Whether every edge is the vehicle's own.
     pub(super) fn is_whole(&self) -> bool {
         self.trusted.iter().all(|trusted| *trusted)

@@ -6,9 +6,10 @@ use super::bias::SampleGrid;
 use super::energy::data_energy;
 use super::jacobian::{Flux, NormalEquations};
 use super::priors::Terms;
-use super::raster::{Raster, UnitMesh};
+use super::raster::Raster;
 use super::state::{PARAMETERS, State};
 use super::target::Target;
+use super::unit_mesh::UnitMesh;
 
 /// Damping at the start, its factors after a success and a failure, and its least value after each.
 const DAMPING: f64 = 1e-3;
@@ -18,11 +19,21 @@ const BRAKE: [f64; 2] = [8.0, 1e-2];
 const TRIALS: usize = 3;
 /// Largest turn and largest relative change of a step: beyond them the picture says nothing of where it leads.
 const LARGEST: f64 = 0.5;
-/// Relative decrease below which the descent has arrived, and the iteration after which that is asked.
-const ARRIVED: f64 = 2e-4;
-const ASKED_AFTER: usize = 2;
-/// A step that promises less than this share of the energy is not tried: samples are no finer than that.
-const PROMISE: f64 = 1e-4;
+/// What is left of the energy is at best this many times what the next step promises: what cannot get below the ceiling
+/// even so is given up.
+const HOPE: f64 = 5.0;
+
+/// How far a descent is followed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Effort {
+    /// Most steps.
+    pub(super) iterations: usize,
+    /// Relative decrease below which the descent has arrived, from the step `asked_after` on.
+    pub(super) arrived: f64,
+    pub(super) asked_after: usize,
+    /// A step that promises less than this share of the energy is not tried: samples are no finer than that.
+    pub(super) promise: f64,
+}
 
 /// One resolution: probabilities on cells, a mesh, and how many samples a cell has.
 #[derive(Clone, Copy)]
@@ -72,27 +83,37 @@ impl Workspace {
     pub(super) fn equations(&mut self, view: &View, state: &State) -> NormalEquations {
         let count = view.terms.count();
         self.flux.collect(view.target, &self.raster, &view.grid.camera, state, count);
-        let mut equations = self.flux.normal_equations(view.target, &self.raster, count);
+        let mut equations = self.flux.normal_equations(view.target, &self.raster);
         view.terms.add(state, &mut equations);
         equations
     }
 
-    /// Goes downhill; the end is never higher than the start.
-    pub(super) fn descend(&mut self, view: &View, start: &State, iterations: usize) -> Descent {
+    /// Goes downhill; the end is never higher than the start. What is not going to get below `ceiling` is given up.
+    pub(super) fn descend(
+        &mut self,
+        view: &View,
+        start: &State,
+        effort: &Effort,
+        ceiling: f64,
+    ) -> Descent {
         let mut here = self.score(view, start);
         let mut damping = DAMPING;
-        for iteration in 0..iterations {
+        for iteration in 0..effort.iterations {
             let equations = self.equations(view, &here.state);
             let before = here.energy;
             let mut accepted = false;
-            for _ in 0..TRIALS {
+            for trial in 0..TRIALS {
                 let step = solve(&equations, view.terms.count(), damping);
-                if step.is_some_and(|step| promised(&equations, &step) < PROMISE * before) {
+                let promise = step.map_or(0.0, |step| promised(&equations, &step));
+                if trial == 0 && before - HOPE * promise > ceiling {
+                    return Descent { end: here, converged: false };
+                }
+                if step.is_some() && promise < effort.promise * before {
                     break;
                 }
-                let trial = step.map(|step| here.state.updated(&step)).filter(State::is_usable);
-                if let Some(trial) = trial {
-                    let scored = self.score(view, &trial);
+                let next = step.map(|step| here.state.updated(&step)).filter(State::is_usable);
+                if let Some(next) = next {
+                    let scored = self.score(view, &next);
                     if scored.energy < here.energy {
                         here = scored;
                         damping = (damping * EASE[0]).max(EASE[1]);
@@ -102,7 +123,9 @@ impl Workspace {
                 }
                 damping = (damping * BRAKE[0]).max(BRAKE[1]);
             }
-            if !accepted || (iteration >= ASKED_AFTER && before - here.energy < ARRIVED * before) {
+            let decrease = before - here.energy;
+            let asked = iteration >= effort.asked_after;
+            if !accepted || (asked && decrease < effort.arrived * before) {
                 return Descent { end: here, converged: true };
             }
         }

@@ -10,11 +10,11 @@ use crate::vehicle::{Mesh, VehicleModel};
 
 use super::bias::{MaskBias, SampleGrid};
 use super::hypotheses::{HEADINGS, Outline, from_centers, upright};
-use super::lm::{Descent, Scored, View, Workspace};
+use super::lm::{Descent, Effort, Scored, View, Workspace};
 use super::priors::Terms;
-use super::raster::UnitMesh;
 use super::state::State;
 use super::target::Target;
+use super::unit_mesh::UnitMesh;
 
 /// One resolution of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,15 +25,30 @@ pub(super) struct Level {
     pub(super) cells: usize,
     /// Samples a side, about.
     pub(super) samples: usize,
-    /// Steps of the descent.
-    pub(super) iterations: usize,
+    /// How far descents are followed.
+    pub(super) effort: Effort,
 }
 
 /// Coarse for headings, middle for models, fine for the pose.
 pub(super) const LEVELS: [Level; 3] = [
-    Level { faces: 250, cells: 14, samples: 28, iterations: 5 },
-    Level { faces: 800, cells: 28, samples: 56, iterations: 8 },
-    Level { faces: 3000, cells: 56, samples: 112, iterations: 10 },
+    Level {
+        faces: 250,
+        cells: 14,
+        samples: 28,
+        effort: Effort { iterations: 5, arrived: 1e-2, asked_after: 1, promise: 5e-3 },
+    },
+    Level {
+        faces: 800,
+        cells: 28,
+        samples: 56,
+        effort: Effort { iterations: 8, arrived: 3e-3, asked_after: 1, promise: 1e-3 },
+    },
+    Level {
+        faces: 3000,
+        cells: 56,
+        samples: 112,
+        effort: Effort { iterations: 10, arrived: 3e-4, asked_after: 2, promise: 2e-4 },
+    },
 ];
 
 /// A model ready to be drawn at every level.
@@ -148,8 +163,8 @@ pub(super) struct Search {
     pub(super) depths: &'static [f64],
     /// Hypotheses that reach the middle and the fine level.
     pub(super) keep: [usize; 2],
-    /// A hypothesis whose energy is more than this many times the best's does not reach that level.
-    pub(super) hopeless: [f64; 2],
+    /// A hypothesis whose energy is more than this many times the best's of its level goes no further.
+    pub(super) hopeless: [f64; 3],
 }
 
 /// What is searched usually.
@@ -158,47 +173,59 @@ pub(super) const NARROW: Search = Search {
     headings: 2,
     depths: &[1.0, 0.65, 0.42],
     keep: [12, 5],
-    hopeless: [2.5, 1.4],
+    hopeless: [2.5, 1.4, 1.3],
 };
 /// What is searched where that finds nothing good: cut and hidden vehicles, mostly.
 pub(super) const WIDE: Search = Search {
-    scouts: 64,
+    scouts: 4,
     headings: 6,
     depths: &[1.2, 1.0, 0.8, 0.6, 0.45, 0.33],
     keep: [16, 4],
-    hopeless: [2.5, 1.3],
+    hopeless: [2.5, 1.3, 1.3],
 };
 
 /// Angle between rotations below which two hypotheses of a model are one, radians.
 pub(super) const NEIGHBOURS: f64 = 0.5;
+/// A second heading of a model that is no scout is followed if its energy is at most this many times the first's.
+const SECOND: f64 = 1.4;
 
-/// Every hypothesis that was followed, the finest first, the best first among equally fine ones.
+/// Every hypothesis that was followed, the finest first, the best first among equally fine ones. Models are taken in the
+/// order given; each way to see the mask's outline is tried.
 pub(super) fn search(
     work: &mut Workspace,
     pyramid: &Pyramid,
-    outline: &Outline,
-    candidates: &[Candidate],
+    outlines: &[Outline],
+    (candidates, order): (&[Candidate], &[usize]),
     search: &Search,
 ) -> Vec<Hypothesis> {
     let mut done: Vec<Hypothesis> = Vec::new();
     let mut pool: Vec<Hypothesis> = Vec::new();
     // Where the scouts' headings led: starts for all others.
     let mut common: Vec<State> = Vec::new();
-    for (index, candidate) in candidates.iter().enumerate() {
+    for (rank, index) in order.iter().enumerate() {
+        let candidate = &candidates[*index];
         let view = pyramid.view(0, candidate);
-        let scored = if index < search.scouts {
-            headings(work, pyramid, outline, candidate, search.depths)
+        let is_scout = rank < search.scouts;
+        let scored = if is_scout {
+            headings(work, pyramid, outlines, candidate, search.depths)
         } else {
             let start = |state: &State| State { half: candidate.half, ..*state };
             common.iter().map(|state| work.score(&view, &start(state))).collect()
         };
-        let starts = distinct(scored, search.headings);
+        let mut starts = distinct(scored, search.headings);
+        if let Some(limit) = starts.first().map(|best| SECOND * best.energy)
+            && !is_scout
+        {
+            starts.retain(|start| start.energy <= limit);
+        }
         for start in starts {
-            let descent = work.descend(&view, &start.state, LEVELS[0].iterations);
-            if index < search.scouts {
-                common.push(descent.end.state);
+            // Coarse energies say too little to give anything up on the way.
+            let descent = work.descend(&view, &start.state, &LEVELS[0].effort, f64::INFINITY);
+            let end = descent.end.state;
+            if is_scout && !common.iter().any(|state| state.is_near(&end)) {
+                common.push(end);
             }
-            pool.push(Hypothesis::new(index, 0, &descent));
+            pool.push(Hypothesis::new(*index, 0, &descent));
         }
     }
     for level in 1..LEVELS.len() {
@@ -207,14 +234,49 @@ pub(super) fn search(
         done.append(&mut pool);
         for hypothesis in next {
             let view = pyramid.view(level, &candidates[hypothesis.model]);
-            let start = hypothesis.scored.state;
-            let descent = work.descend(&view, &start, LEVELS[level].iterations);
+            let start = better_start(work, &view, &hypothesis, &pool);
+            let ceiling = search.hopeless[level] * least(&pool);
+            let descent = work.descend(&view, &start, &LEVELS[level].effort, ceiling);
             pool.push(Hypothesis::new(hypothesis.model, level, &descent));
         }
     }
     done.append(&mut pool);
     sort(&mut done);
     done
+}
+
+/// Puts the models of the best hypotheses first.
+pub(super) fn best_first(found: &[Hypothesis], order: &mut [usize]) {
+    let rank = |index: &usize| {
+        found.iter().position(|hypothesis| hypothesis.model == *index).unwrap_or(usize::MAX)
+    };
+    order.sort_by_key(rank);
+}
+
+/// The least energy so far.
+fn least(pool: &[Hypothesis]) -> f64 {
+    pool.iter().map(|h| h.scored.energy).fold(f64::INFINITY, f64::min)
+}
+
+/// Where a hypothesis starts on a finer level: where it was, or where the best of another model of about the same
+/// heading arrived, whichever fits better.
+fn better_start(
+    work: &mut Workspace,
+    view: &View,
+    hypothesis: &Hypothesis,
+    arrived: &[Hypothesis],
+) -> State {
+    let own = hypothesis.scored.state;
+    let alike = |other: &&Hypothesis| {
+        let rotation = &other.scored.state.rotation;
+        other.model != hypothesis.model && own.rotation.angle_to(rotation) < 0.5 * NEIGHBOURS
+    };
+    let best =
+        arrived.iter().filter(alike).min_by(|a, b| a.scored.energy.total_cmp(&b.scored.energy));
+    let Some(best) = best else { return own };
+    let shared = State { half: own.half, ..best.scored.state };
+    let energies = [own, shared].map(|state| work.score(view, &state).energy);
+    if energies[1] < energies[0] { shared } else { own }
 }
 
 /// What goes on to the next level: the best of each model in turn, then their others.
@@ -244,12 +306,9 @@ impl Hypothesis {
         Self { model, scored: descent.end, level, converged: descent.converged }
     }
 
-    /// Whether it is the same model at about the same rotation.
+    /// Whether it is the same model at about the same pose.
     pub(super) fn repeats(&self, other: &Self) -> bool {
-        let (a, b) = (&self.scored.state, &other.scored.state);
-        self.model == other.model
-            && a.rotation.angle_to(&b.rotation) < 0.1
-            && (a.center - b.center).norm() < 0.05 * a.center.norm()
+        self.model == other.model && self.scored.state.is_near(&other.scored.state)
     }
 }
 
@@ -263,20 +322,22 @@ pub(super) fn sort(hypotheses: &mut [Hypothesis]) {
 fn headings(
     work: &mut Workspace,
     pyramid: &Pyramid,
-    outline: &Outline,
+    outlines: &[Outline],
     candidate: &Candidate,
     depths: &'static [f64],
 ) -> Vec<Scored> {
     let (model, half) = (candidate.model, &candidate.half);
     let view = pyramid.view(0, candidate);
     let down = view.terms.down();
-    let depths = if outline.is_whole() { &[1.0] } else { depths };
-    let mut scored = Vec::with_capacity(HEADINGS * depths.len() + 2);
-    for index in 0..HEADINGS {
-        let rotation = upright(&down, index as f64 / HEADINGS as f64 * TAU);
-        for nearer in depths {
-            if let Some(state) = outline.place(&model.vertices, &rotation, half, *nearer) {
-                scored.push(work.score(&view, &state));
+    let mut scored = Vec::with_capacity(HEADINGS * depths.len() * outlines.len() + 2);
+    for outline in outlines {
+        let depths = if outline.is_whole() { &[1.0] } else { depths };
+        for index in 0..HEADINGS {
+            let rotation = upright(&down, index as f64 / HEADINGS as f64 * TAU);
+            for nearer in depths {
+                if let Some(state) = outline.place(&model.vertices, &rotation, half, *nearer) {
+                    scored.push(work.score(&view, &state));
+                }
             }
         }
     }

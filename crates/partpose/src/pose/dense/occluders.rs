@@ -12,10 +12,19 @@ const DEPTH: f64 = 1.5 / 28.0;
 /// How far a region reaches from where it began: to the outline and beyond.
 const REACH: f64 = 3.0 / 28.0;
 /// Largest share of the drawn model that may be taken for hidden.
-const MOST: f64 = 0.35;
+pub(super) const MOST: f64 = 0.35;
 
-/// Takes the weight of cells that something unlabelled hides; says how many, in shares of the drawn model.
-pub(super) fn hide(target: &mut Target, raster: &Raster) -> f64 {
+/// What was taken for hidden.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Hidden {
+    /// As a share of the drawn model.
+    pub(super) share: f64,
+    /// Weighted cells.
+    pub(super) cells: f64,
+}
+
+/// Takes the weight of cells that something unlabelled hides, if they are at most the share `most` of the drawn model.
+pub(super) fn hide(target: &mut Target, raster: &Raster, most: f64) -> Hidden {
     let m = target.cells;
     let s = raster.size / m;
     let is_drawn: Vec<bool> = (0..m * m)
@@ -60,13 +69,15 @@ pub(super) fn hide(target: &mut Target, raster: &Raster) -> f64 {
     }
     let count = (0..m * m).filter(|cell| hidden[*cell] && is_drawn[*cell]).count();
     let share = count as f64 / drawn.max(1) as f64;
-    if share == 0.0 || share > MOST {
-        return 0.0;
+    if share == 0.0 || share > most {
+        return Hidden::default();
     }
+    let mut cells = 0.0;
     for (weight, hidden) in target.weights.iter_mut().zip(hidden) {
         if hidden {
+            cells += f64::from(*weight);
             *weight = 0.0;
         }
     }
-    share
+    Hidden { share, cells }
 }

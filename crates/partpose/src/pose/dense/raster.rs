@@ -2,63 +2,20 @@
 //!
 //! [`crate::render`] draws whole scenes exactly; this one draws one convex-or-not vehicle on at most a few hundred
 //! samples a side, in `f32`, and nothing else. A sample is one number: 1/z with its lowest five bits replaced by the
-//! part, so that the depth test is a maximum, which vectorises. Rows of a triangle are found by walking its edges from
-//! top to bottom, always from the upper vertex, so two triangles agree on the edge they share and leave no crack.
+//! part, so that the depth test is a maximum, which vectorises (`triangles`).
 
-use nalgebra::Matrix3;
+use pulp::{Simd, WithSimd};
 
-use crate::geometry::{Extent, Vector3};
-use crate::vehicle::Mesh;
+use crate::geometry::Vector3;
+
+use super::triangles::{Batch, MARGIN};
+use super::unit_mesh::{Projection, UnitMesh};
+use super::vector;
 
 /// Nearest depth that is drawn, metres.
 const NEAR: f32 = 0.1;
 /// Bits of a sample that hold the part.
-const LABEL_BITS: u32 = 31;
-
-/// A mesh as it is drawn: vertices in units of half the extent, from the cuboid's centre.
-#[derive(Clone, Debug, Default)]
-pub(super) struct UnitMesh {
-    x: Vec<f32>,
-    y: Vec<f32>,
-    z: Vec<f32>,
-    faces: Vec<([u32; 3], u32)>,
-    /// Whether faces seen from behind can be left out.
-    is_closed: bool,
-}
-
-impl UnitMesh {
-    pub(super) fn new(mesh: &Mesh, extent: &Extent) -> Self {
-        let unit = |value: f64, side: f64| (2.0 * value / side) as f32;
-        let faces = mesh.faces.iter().zip(&mesh.parts);
-        Self {
-            x: mesh.vertices.iter().map(|p| unit(p.x, extent.width)).collect(),
-            y: mesh
-                .vertices
-                .iter()
-                .map(|p| unit(p.y + 0.5 * extent.height, extent.height))
-                .collect(),
-            z: mesh.vertices.iter().map(|p| unit(p.z, extent.length)).collect(),
-            faces: faces.map(|(face, part)| (*face, u32::from(part.id()))).collect(),
-            is_closed: mesh.is_closed() && mesh.volume() > 0.0,
-        }
-    }
-
-    /// The vertices in half-extent units.
-    pub(super) fn vertices(&self) -> impl Iterator<Item = Vector3> + '_ {
-        self.x
-            .iter()
-            .zip(&self.y)
-            .zip(&self.z)
-            .map(|((x, y), z)| Vector3::new(f64::from(*x), f64::from(*y), f64::from(*z)))
-    }
-}
-
-/// Takes half-extent units to homogeneous samples: `(u, v, z)` with the sample at `(u / z, v / z)`.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Projection {
-    pub(super) matrix: Matrix3<f64>,
-    pub(super) offset: Vector3,
-}
+pub(super) const LABEL_BITS: u32 = 31;
 
 /// Buffers that are kept from one picture to the next.
 #[derive(Clone, Debug, Default)]
@@ -67,183 +24,118 @@ pub(super) struct Raster {
     pub(super) size: usize,
     /// Part ids row by row, 0 for background.
     pub(super) labels: Vec<u8>,
+    /// Samples row by row; a row is [`MARGIN`] longer than the picture.
     keys: Vec<f32>,
-    screen: Vec<Corner>,
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-struct Corner {
-    x: f32,
-    y: f32,
-    /// 1 / z; 0 where the vertex is not in front of the near plane.
-    w: f32,
+    /// The vertices: x and y in samples, and 1 / z, which is 0 where a vertex is not in front of the near plane.
+    screen: [Vec<f32>; 3],
+    seen: Vec<u32>,
+    batch: Batch,
 }
 
 impl Raster {
     /// 1 / z of a sample; 0 where nothing is.
-    pub(super) fn inverse_depth(&self, at: usize) -> f32 {
-        self.keys[at]
+    pub(super) fn inverse_depth(&self, x: usize, y: usize) -> f32 {
+        self.keys[y * (self.size + MARGIN) + x]
     }
 
     pub(super) fn draw(&mut self, mesh: &UnitMesh, projection: &Projection, size: usize) {
         self.size = size;
         self.keys.clear();
-        self.keys.resize(size * size, 0.0);
-        self.project(mesh, projection);
-        for (face, label) in &mesh.faces {
-            let corners = face.map(|at| self.screen[at as usize]);
-            if corners[0].w > 0.0 && corners[1].w > 0.0 && corners[2].w > 0.0 {
-                triangle(&mut self.keys, size, corners, *label, mesh.is_closed);
+        self.keys.resize((size + MARGIN) * size, 0.0);
+        vector::dispatch(Draw { raster: self, mesh, projection });
+    }
+}
+
+struct Draw<'a> {
+    raster: &'a mut Raster,
+    mesh: &'a UnitMesh,
+    projection: &'a Projection,
+}
+
+// Only what is inlined is compiled for the chosen vectors.
+#[allow(clippy::inline_always)]
+impl WithSimd for Draw<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { raster, mesh, projection } = self;
+        mesh.seen(projection, &mut raster.seen);
+        project(mesh, projection, &mut raster.screen);
+        let Raster { screen, seen, batch, keys, labels, size, .. } = raster;
+        let [x, y, w] = &*screen;
+        let stride = *size + MARGIN;
+        for face in &*seen {
+            let corners = mesh.faces[*face as usize].map(|at| {
+                let at = at as usize;
+                [x[at], y[at], w[at]]
+            });
+            let label = mesh.labels[*face as usize];
+            if corners[0][2] > 0.0 && corners[1][2] > 0.0 && corners[2][2] > 0.0 {
+                batch.push(corners, label);
             } else {
-                self.draw_clipped(mesh, projection, face, *label);
+                clip(mesh, projection, *face as usize, batch);
+            }
+            if batch.is_full() {
+                batch.draw(simd, keys, *size, mesh.is_closed);
             }
         }
-        self.labels.clear();
-        self.labels.extend(self.keys.iter().map(|key| (key.to_bits() & LABEL_BITS) as u8));
-    }
-
-    fn project(&mut self, mesh: &UnitMesh, projection: &Projection) {
-        let m: [f32; 9] = std::array::from_fn(|i| projection.matrix[(i / 3, i % 3)] as f32);
-        let o: [f32; 3] = std::array::from_fn(|i| projection.offset[i] as f32);
-        let vertices = mesh.x.iter().zip(&mesh.y).zip(&mesh.z);
-        self.screen.clear();
-        self.screen.extend(vertices.map(|((x, y), z)| {
-            let depth = m[6] * x + m[7] * y + m[8] * z + o[2];
-            let w = if depth > NEAR { 1.0 / depth } else { 0.0 };
-            Corner {
-                x: (m[0] * x + m[1] * y + m[2] * z + o[0]) * w,
-                y: (m[3] * x + m[4] * y + m[5] * z + o[1]) * w,
-                w,
-            }
-        }));
-    }
-
-    /// Cuts a face at the near plane.
-    #[cold]
-    fn draw_clipped(
-        &mut self,
-        mesh: &UnitMesh,
-        projection: &Projection,
-        face: &[u32; 3],
-        label: u32,
-    ) {
-        let near = f64::from(NEAR) * 1.001;
-        let corners = face.map(|index| {
-            let at = index as usize;
-            let point =
-                Vector3::new(f64::from(mesh.x[at]), f64::from(mesh.y[at]), f64::from(mesh.z[at]));
-            projection.matrix * point + projection.offset
-        });
-        let mut kept: Vec<Vector3> = Vec::with_capacity(4);
-        for i in 0..3 {
-            let (a, b) = (corners[i], corners[(i + 1) % 3]);
-            if a.z >= near {
-                kept.push(a);
-            }
-            if (a.z >= near) != (b.z >= near) {
-                kept.push(a + (b - a) * ((near - a.z) / (b.z - a.z)));
-            }
-        }
-        let corner = |p: &Vector3| Corner {
-            x: (p.x / p.z) as f32,
-            y: (p.y / p.z) as f32,
-            w: (1.0 / p.z) as f32,
-        };
-        for i in 2..kept.len() {
-            let corners = [corner(&kept[0]), corner(&kept[i - 1]), corner(&kept[i])];
-            triangle(&mut self.keys, self.size, corners, label, mesh.is_closed);
-        }
-    }
-}
-
-/// The first whole number at or after `value`, within `0..=limit`; the same for all triangles.
-#[inline]
-fn first_at_or_after(value: f32, limit: f32) -> usize {
-    // Adding 1.5 * 2^23 leaves the rounded number in the low bits: `ceil` is a call on plain x86-64.
-    const SHIFT: f32 = 12_582_912.0;
-    let value = value + 0.5;
-    let value = if value > 0.0 { value } else { 0.0 };
-    let value = if value < limit { value } else { limit };
-    ((value + SHIFT).to_bits() - SHIFT.to_bits()) as usize
-}
-
-#[inline]
-fn triangle(keys: &mut [f32], size: usize, corners: [Corner; 3], label: u32, cull: bool) {
-    let [a, b, c] = corners;
-    let (abx, aby) = (b.x - a.x, b.y - a.y);
-    let (acx, acy) = (c.x - a.x, c.y - a.y);
-    let area = abx * acy - aby * acx;
-    // Seen from outside a face runs counter-clockwise, which is a negative area where y points down. What is not a
-    // number is left out too.
-    if !(area < 0.0 || (area > 0.0 && !cull)) {
-        return;
-    }
-    let limit = size as f32;
-    let (mut top, mut middle, mut bottom) = (a, b, c);
-    if middle.y < top.y {
-        std::mem::swap(&mut top, &mut middle);
-    }
-    if bottom.y < middle.y {
-        std::mem::swap(&mut middle, &mut bottom);
-        if middle.y < top.y {
-            std::mem::swap(&mut top, &mut middle);
-        }
-    }
-    let first = first_at_or_after(top.y, limit);
-    let last = first_at_or_after(bottom.y, limit);
-    if first >= last {
-        return;
-    }
-    let x_min = a.x.min(b.x).min(c.x);
-    let x_max = a.x.max(b.x).max(c.x);
-    if first_at_or_after(x_min, limit) >= first_at_or_after(x_max, limit) {
-        return;
-    }
-    let turn = first_at_or_after(middle.y, limit);
-    let scale = 1.0 / area;
-    let (abw, acw) = ((b.w - a.w) * scale, (c.w - a.w) * scale);
-    let slope_x = abw * acy - acw * aby;
-    let slope_y = acw * abx - abw * acx;
-    let range = [a.w.min(b.w).min(c.w), a.w.max(b.w).max(c.w)];
-    let long = Side::new(&top, &bottom);
-    for (from, to, side) in
-        [(first, turn, Side::new(&top, &middle)), (turn, last, Side::new(&middle, &bottom))]
-    {
-        for y in from..to {
-            let (p, q) = (long.at(y as f32), side.at(y as f32));
-            let (left, right) = if p < q { (p, q) } else { (q, p) };
-            let (left, right) = (first_at_or_after(left, limit), first_at_or_after(right, limit));
-            if left >= right {
-                continue;
-            }
-            let of_row = a.w + slope_y * (y as f32 - a.y) - slope_x * a.x;
-            let row = &mut keys[y * size + left..y * size + right];
-            for (i, key) in row.iter_mut().enumerate() {
-                let w = of_row + slope_x * (left + i) as f32;
-                let w = if w > range[0] { w } else { range[0] };
-                let w = if w < range[1] { w } else { range[1] };
-                let candidate = f32::from_bits((w.to_bits() & !LABEL_BITS) | label);
-                *key = if candidate > *key { candidate } else { *key };
+        batch.draw(simd, keys, *size, mesh.is_closed);
+        labels.resize(*size * *size, 0);
+        for (keys, labels) in keys.chunks_exact(stride).zip(labels.chunks_exact_mut(*size)) {
+            for (key, label) in keys.iter().zip(labels) {
+                *label = (key.to_bits() & LABEL_BITS) as u8;
             }
         }
     }
 }
 
-/// An edge from its upper to its lower end.
-struct Side {
-    x: f32,
-    y: f32,
-    slope: f32,
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn project(mesh: &UnitMesh, projection: &Projection, screen: &mut [Vec<f32>; 3]) {
+    let m: [f32; 9] = std::array::from_fn(|i| projection.matrix[(i / 3, i % 3)] as f32);
+    let o: [f32; 3] = std::array::from_fn(|i| projection.offset[i] as f32);
+    let count = mesh.x.len();
+    for line in &mut *screen {
+        line.resize(count, 0.0);
+    }
+    let [sx, sy, sw] = screen;
+    let (sx, sy, sw) = (&mut sx[..count], &mut sy[..count], &mut sw[..count]);
+    let (x, y, z) = (&mesh.x[..count], &mesh.y[..count], &mesh.z[..count]);
+    for i in 0..count {
+        let depth = m[6] * x[i] + m[7] * y[i] + m[8] * z[i] + o[2];
+        let w = 1.0 / depth;
+        let w = if depth > NEAR { w } else { 0.0 };
+        sx[i] = (m[0] * x[i] + m[1] * y[i] + m[2] * z[i] + o[0]) * w;
+        sy[i] = (m[3] * x[i] + m[4] * y[i] + m[5] * z[i] + o[1]) * w;
+        sw[i] = w;
+    }
 }
 
-impl Side {
-    fn new(upper: &Corner, lower: &Corner) -> Self {
-        let height = lower.y - upper.y;
-        let slope = if height > 0.0 { (lower.x - upper.x) / height } else { 0.0 };
-        Self { x: upper.x, y: upper.y, slope }
+/// Cuts a face at the near plane.
+#[cold]
+#[inline(never)]
+fn clip(mesh: &UnitMesh, projection: &Projection, face: usize, batch: &mut Batch) {
+    let near = f64::from(NEAR) * 1.001;
+    let corners = mesh.faces[face].map(|index| {
+        let at = index as usize;
+        let point =
+            Vector3::new(f64::from(mesh.x[at]), f64::from(mesh.y[at]), f64::from(mesh.z[at]));
+        projection.matrix * point + projection.offset
+    });
+    let mut kept: Vec<Vector3> = Vec::with_capacity(4);
+    for i in 0..3 {
+        let (a, b) = (corners[i], corners[(i + 1) % 3]);
+        if a.z >= near {
+            kept.push(a);
+        }
+        if (a.z >= near) != (b.z >= near) {
+            kept.push(a + (b - a) * ((near - a.z) / (b.z - a.z)));
+        }
     }
-
-    fn at(&self, y: f32) -> f32 {
-        self.x + (y - self.y) * self.slope
+    let corner = |p: &Vector3| [(p.x / p.z) as f32, (p.y / p.z) as f32, (1.0 / p.z) as f32];
+    for i in 2..kept.len() {
+        let corners = [corner(&kept[0]), corner(&kept[i - 1]), corner(&kept[i])];
+        batch.push(corners, mesh.labels[face]);
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, UnitQuaternion};
 use crate::geometry::{Extent, Pose, Vector3};
 
 use super::bias::SampleGrid;
-use super::raster::Projection;
+use super::unit_mesh::Projection;
 
 /// Increments: a rotation vector in camera axes about the centre (radians), the centre to the right and down (metres),
 /// the logarithm of the distance along the viewing ray, and the logarithms of the half-extents.
@@ -61,6 +61,12 @@ impl State {
         let ([fx, fy], [cx, cy]) = (camera.focal, camera.principal_point);
         let image_from_camera = Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0);
         Projection { matrix: image_from_camera * arms, offset: image_from_camera * self.center }
+    }
+
+    /// Whether another is turned alike and at about the same place.
+    pub(super) fn is_near(&self, other: &Self) -> bool {
+        self.rotation.angle_to(&other.rotation) < 0.1
+            && (self.center - other.center).norm() < 0.05 * self.center.norm()
     }
 
     /// Depth of the cuboid's nearest corner, metres.

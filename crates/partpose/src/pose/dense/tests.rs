@@ -5,11 +5,11 @@ use nalgebra::{SVector, UnitQuaternion};
 use super::bias::MaskBias;
 use super::energy::data_energy;
 use super::hypotheses::upright;
-use super::lm::{View, Workspace};
+use super::lm::{Effort, View, Workspace};
 use super::priors::{DensePriors, GravityPrior, GroundPrior, SizePrior, SizeTerm, Terms};
-use super::raster::UnitMesh;
 use super::state::{PARAMETERS, State};
 use super::target::{LANES, Target};
+use super::unit_mesh::UnitMesh;
 use crate::geometry::{Camera, Cuboid, Rect, Vector3};
 use crate::vehicle::ModelZoo;
 
@@ -138,10 +138,11 @@ fn a_descent_never_ends_above_its_start_and_finds_the_pose() {
     let grid = target.grid(&CAMERA, 4 * CELLS, None);
     let terms = terms(false, half);
     let view = View { target: &target, mesh: &mesh, grid: &grid, terms: &terms };
+    let effort = Effort { iterations: 15, arrived: 2e-4, asked_after: 2, promise: 1e-4 };
     for turn in [-0.15, 0.0, 0.15] {
         let start = truth.updated(&[0.0, turn, 0.0, 0.2, -0.1, 0.04, 0.0, 0.0, 0.0]);
         let before = work.score(&view, &start).energy;
-        let descent = work.descend(&view, &start, 15);
+        let descent = work.descend(&view, &start, &effort, f64::INFINITY);
         assert!(descent.end.energy <= before);
         let away = (descent.end.state.center - truth.center).norm();
         assert!(away < 0.12, "{away}");
