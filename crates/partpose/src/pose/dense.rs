@@ -51,8 +51,9 @@ const LEAST_EVIDENCE: f64 = 1.0;
 /// Energy per foreground cell above which the search is widened: where the whole outline is the vehicle's own, and
 /// where the image or another vehicle cuts it.
 const DOUBT: [f64; 2] = [0.25, 0.12];
-/// The same from which a vehicle of which something seems to be hidden is looked for behind that.
-const DOUBT_BEHIND: f64 = 0.04;
+/// The same from which a vehicle is looked for behind something unlabelled: where nothing seems to hide it, and where
+/// something does.
+const DOUBT_BEHIND: [f64; 2] = [0.12, 0.04];
 /// What the dense fit supposes of masks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -163,7 +164,7 @@ impl DenseZoo {
             return Ok(Found { hypotheses: found, best, hidden: 0.0 });
         }
         let mut fit = behind::without_hidden(work, pyramid, candidates, &best, occluders::MOST);
-        let doubt = if fit.hidden.share > 0.0 { DOUBT_BEHIND } else { DOUBT[0] };
+        let doubt = DOUBT_BEHIND[usize::from(fit.hidden.share > 0.0)];
         if fit.hypothesis.scored.data > doubt * foreground {
             models::best_first(&found, &mut order);
             let others = behind::search(work, pyramid, outline, (candidates, &order));

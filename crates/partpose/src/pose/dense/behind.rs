@@ -13,7 +13,8 @@ use super::target::Target;
 
 /// Weight of background while it is not believed.
 const OPEN: f32 = 0.15;
-/// Energy of a cell that is taken for hidden; one that is drawn where the mask says background has 1.
+/// Energy of a cell that is taken for hidden, besides what those that are seen have on average: hiding a cell must not pay
+/// off where nothing fits anyway. A cell that is drawn where the mask says background has 1.
 const COST: f64 = 0.1;
 /// Largest share of the drawn model that may be hidden.
 const MOST: f64 = 0.65;
@@ -40,7 +41,9 @@ pub(super) struct Behind {
 impl Behind {
     /// Energy with what hidden cells cost.
     pub(super) fn energy(&self) -> f64 {
-        self.hypothesis.scored.energy + COST * self.hidden.cells
+        let scored = &self.hypothesis.scored;
+        let usual = scored.data / self.target.foreground().max(1.0);
+        scored.energy + (COST + 0.5 * usual) * self.hidden.cells
     }
 }
 
