@@ -40,7 +40,8 @@ fn main() -> Result<(), Failure> {
         let usage = "dense_times DATASET ORACLE_ZOO known|all|COUNT [WORLDS [STRIDE [REPEATS]]]";
         return Err(usage.into());
     };
-    let worlds = more.first().map_or(Vec::new(), |w| w.split(',').map(str::to_owned).collect());
+    let worlds = more.first().map_or("", String::as_str).split(',').filter(|w| !w.is_empty());
+    let worlds: Vec<String> = worlds.map(str::to_owned).collect();
     let number = |at: usize, otherwise: usize| -> Result<usize, Failure> {
         Ok(more.get(at).map_or(Ok(otherwise), |text| text.parse())?)
     };
