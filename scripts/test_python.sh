@@ -2,6 +2,8 @@
 # Tests the Python package in an environment of its own below target/: pytest, and the stubs against the module.
 #
 #   scripts/test_python.sh          the library as the tests' profile makes it, which shares what .ci/run has compiled
+#   scripts/test_python.sh --features LIST
+#                                   the same where the tests had these features
 #   scripts/test_python.sh --pip    installed by `pip install .`, which builds all of it once more; and the examples for
 #                                   Rerun, Daft and Ray (0.6 GB of packages)
 set -euo pipefail
@@ -22,7 +24,7 @@ if [ "${1:-}" = --pip ]; then
   "$venv/bin/python" -m pip install --verbose ".[rerun,daft]"
 else
   # With a test among the targets, features are those of the tests.
-  cargo build --workspace --lib --test layers
+  cargo build --workspace --lib --test layers "$@"
   # The package's files beside the library, as the wheel has them.
   stage=$root/target/python
   rm -rf "$stage" && mkdir -p "$stage"
