@@ -485,7 +485,8 @@ pub(crate) mod tests {
         for seed in 0..50 {
             let image = |seed| {
                 let mut rng = ChaCha8Rng::seed_from_u64(seed);
-                let view = choose_view(&sample, [32, 32], [0.5, 2.0], &config, &mut rng);
+                // Below 0.6 the vehicle is too low to be an example.
+                let view = choose_view(&sample, [32, 32], [0.7, 2.0], &config, &mut rng);
                 training_image(&sample, &view, [32, 32], (&config, &net), &mut rng)
             };
             let image = (image(seed), image(seed));

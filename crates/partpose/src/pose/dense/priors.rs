@@ -86,8 +86,9 @@ const UPRIGHT: f64 = 0.15;
 
 /// How much more sizes count than other priors. What a mask says of a length seen at a slant is read off a few seams and
 /// outlines, which lie off along their whole length: their cells are no independent witnesses, and with weight 1 they
-/// stretched cars of 3.7 m to 6.5 m. Found on world 0001 (`docs/dense-fit.md`).
-pub(super) const SIZE_WEIGHT: f64 = 10.0;
+/// stretched cars of 3.7 m to 6.5 m. Found on world 0001 (`docs/dense-fit.md`). Where the size is free the ground counts
+/// as much, since the two settle the distance between them.
+const SIZE_WEIGHT: f64 = 10.0;
 
 /// The size prior of one model, ready to use.
 #[derive(Clone, Copy, Debug)]
@@ -181,7 +182,7 @@ impl Terms {
             let away = state.half.map(f64::ln) - size.mean;
             away.dot(&(size.information * away)) + size.conflict
         });
-        0.5 * self.noise * (squares + ground + SIZE_WEIGHT * size)
+        0.5 * self.noise * (squares + self.ground_weight() * ground + SIZE_WEIGHT * size)
     }
 
     /// The largest difference of a side from the likely size, in standard deviations; 0 where the size is fixed.
@@ -198,13 +199,34 @@ impl Terms {
         self.ground(state).map_or(0.0, |term| term.residual.abs())
     }
 
+    fn ground_weight(&self) -> f64 {
+        if self.size.is_some() { SIZE_WEIGHT } else { 1.0 }
+    }
+
+    /// How much the gradient of the priors varies if what they believe has the spread that they state.
+    pub(super) fn spread(&self, state: &State) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
+        let mut spread = SMatrix::zeros();
+        let mut add = |term: &Term, weight: f64| {
+            spread += term.by * term.by.transpose() * (weight * self.noise).powi(2);
+        };
+        self.upright(state).iter().for_each(|term| add(term, 1.0));
+        self.ground(state).iter().for_each(|term| add(term, self.ground_weight()));
+        if let Some(size) = &self.size {
+            let mut block = spread.fixed_view_mut::<3, 3>(6, 6);
+            block += size.information * (SIZE_WEIGHT * self.noise).powi(2);
+        }
+        spread
+    }
+
     /// Adds derivatives, in units of the data term.
     pub(super) fn add(&self, state: &State, equations: &mut NormalEquations) {
         let noise = self.noise;
-        for term in self.upright(state).iter().chain(&self.ground(state)) {
-            equations.hessian += term.by * term.by.transpose() * noise;
-            equations.gradient += term.by * (term.residual * noise);
-        }
+        let mut add = |term: &Term, weight: f64| {
+            equations.hessian += term.by * term.by.transpose() * (weight * noise);
+            equations.gradient += term.by * (term.residual * weight * noise);
+        };
+        self.upright(state).iter().for_each(|term| add(term, 1.0));
+        self.ground(state).iter().for_each(|term| add(term, self.ground_weight()));
         if let Some(size) = &self.size {
             let noise = noise * SIZE_WEIGHT;
             let slope = size.information * (state.half.map(f64::ln) - size.mean);

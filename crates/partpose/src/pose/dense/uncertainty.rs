@@ -16,7 +16,7 @@ use nalgebra::{SMatrix, SVector, SymmetricEigen};
 use super::bias::SampleGrid;
 use super::jacobian::{NormalEquations, fraction};
 use super::lm::{Scored, View, Workspace};
-use super::priors::{SIZE_WEIGHT, SizeTerm, Terms};
+use super::priors::{SizeTerm, Terms};
 use super::state::{PARAMETERS, State};
 
 /// Cells of a 28-cell kernel over which errors of masks are correlated.
@@ -74,12 +74,7 @@ pub(super) fn covariance(
     let poor = (energy / 0.1).clamp(0.0, 10.0);
     let inflation = INFLATION[0] + INFLATION[1] * poor.powf(INFLATION[2]);
     let mut spread = correlated_gradients(work, view) * inflation;
-    let mut priors = NormalEquations { hessian: Matrix9::zeros(), gradient: Vector9::zeros() };
-    view.terms.add(state, &mut priors);
-    // `terms.add` scales by the noise once; a prior's own spread is its information, times the noise squared.
-    let mut of_priors = priors.hessian * view.terms.noise;
-    let mut of_size = of_priors.fixed_view_mut::<3, 3>(6, 6);
-    of_size *= SIZE_WEIGHT;
+    let of_priors = view.terms.spread(state);
     let mut hessian = equations.hessian;
     let largest = hessian.diagonal().max().max(1e-12);
     for i in 0..PARAMETERS {
