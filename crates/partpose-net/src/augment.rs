@@ -137,7 +137,9 @@ pub fn choose_view(
         // Most of a vehicle that is larger than the view should be in it all the same.
         let fits = [x1 - x0, y1 - y0].map(|side| f64::from(side).max(1.0));
         let fits = (1.1 * most[0] as f64 / fits[0]).min(1.1 * most[1] as f64 / fits[1]);
-        scale = scale.min(fits.max(scales[0]));
+        // And one that is lower than examples may be is brought nearer, or the view would show none.
+        let seen = 1.01 * f64::from(config.least_height) / f64::from(y1 - y0).max(1.0);
+        scale = scale.max(seen.min(scales[1])).min(fits.max(scales[0]));
     }
     let image = sample.image.size.map(f64::from);
     let mut origin = [0.0; 2];
@@ -485,8 +487,7 @@ pub(crate) mod tests {
         for seed in 0..50 {
             let image = |seed| {
                 let mut rng = ChaCha8Rng::seed_from_u64(seed);
-                // Below 0.6 the vehicle is too low to be an example.
-                let view = choose_view(&sample, [32, 32], [0.7, 2.0], &config, &mut rng);
+                let view = choose_view(&sample, [32, 32], [0.5, 2.0], &config, &mut rng);
                 training_image(&sample, &view, [32, 32], (&config, &net), &mut rng)
             };
             let image = (image(seed), image(seed));
