@@ -3,17 +3,20 @@
 //! Vehicles are those of a made-up street at 8 to 40 m, seen from all around, with exact and with erring masks of 28 x
 //! 28 cells; every sample fits the next one. `docs/dense-fit.md` has the medians over a world.
 
+#[path = "../tests/common/street.rs"]
+mod street;
+
 use divan::{Bencher, black_box};
 use partpose::dataset::{Frame, SequenceId, VehicleLabel};
 use partpose::detection::Detection;
-use partpose::geometry::{Camera, Cuboid, EulerAngles, Extent, Pose, Vector3};
+use partpose::geometry::Extent;
 use partpose::oracle::{Degradation, Oracle, OracleOptions};
 use partpose::parts::PartMask;
 use partpose::pose::{ExtentSource, PnpMethod, PoseEstimator, PoseOptions};
 use partpose::render::render_labels;
 use partpose::vehicle::ModelZoo;
+use street::CAMERA;
 
-const CAMERA: Camera = Camera::pinhole(725.0, [620.5, 187.0], [1242, 375]);
 /// Vehicles of the street.
 const VEHICLES: usize = 15;
 
@@ -28,34 +31,9 @@ fn zoo(models: usize) -> ModelZoo {
 }
 
 fn vehicle(zoo: &ModelZoo, index: usize) -> VehicleLabel {
-    let model = &zoo.models[index % zoo.models.len()];
-    let e = model.extent();
     let depth = 8.0 + 32.0 * index as f64 / VEHICLES as f64;
-    let yaw = 2.4 * index as f64;
     let side = 0.25 * depth * (1.7 * index as f64).sin();
-    let rotation = EulerAngles { x: 0.015, y: yaw, z: -0.01 }.to_rotation();
-    let cuboid = Cuboid {
-        camera_from_vehicle: Pose::from_parts(
-            Vector3::new(side, 1.6, depth).into(),
-            nalgebra::UnitQuaternion::from_rotation_matrix(&rotation),
-        ),
-        extent: Extent::new(0.97 * e.width, e.height, 1.04 * e.length),
-    };
-    let whole = cuboid.project(&CAMERA).expect("the vehicle is in front of the camera");
-    let bounds = whole.intersection(&CAMERA.image_rect()).expect("the vehicle is in the image");
-    VehicleLabel {
-        track: Some(index as u32),
-        category: "Car".to_owned(),
-        dont_care: false,
-        truncated: u8::from(bounds != whole),
-        occluded: 0,
-        truncation: 1.0 - bounds.area() / whole.area(),
-        occupancy: None,
-        bounds,
-        cuboid,
-        model: Some(model.name().to_owned()),
-        color: None,
-    }
+    street::vehicle(zoo, index % zoo.models.len(), [side, depth], 2.4 * index as f64)
 }
 
 /// One vehicle a frame.

@@ -1,9 +1,12 @@
 //! The dense fit on made-up streets: exact masks, hidden and cut vehicles, priors, and bad input.
 
+#[path = "common/street.rs"]
+mod street;
+
 use partpose::dataset::{Frame, SequenceId, VehicleLabel};
 use partpose::detection::Detection;
 use partpose::eval::pose_deviation;
-use partpose::geometry::{Camera, Cuboid, EulerAngles, Extent, Pose, Rect, Vector3};
+use partpose::geometry::{EulerAngles, Extent, Rect, Vector3};
 use partpose::oracle::{Degradation, Oracle, OracleOptions};
 use partpose::parts::{PartMask, PartProbabilities};
 use partpose::pose::dense::{DenseFlag, DensePriors, GravityPrior, GroundPrior, SizePrior};
@@ -12,36 +15,7 @@ use partpose::pose::scene::{SceneDetection, SceneOptions, estimate_scene};
 use partpose::pose::{ExtentSource, NoPose, PnpMethod, PoseEstimator, PoseOptions};
 use partpose::render::render_labels;
 use partpose::vehicle::ModelZoo;
-
-const CAMERA: Camera = Camera::pinhole(725.0, [620.5, 187.0], [1242, 375]);
-
-fn vehicle(zoo: &ModelZoo, index: usize, place: [f64; 2], yaw: f64) -> VehicleLabel {
-    let model = &zoo.models[index];
-    let e = model.extent();
-    let rotation = EulerAngles { x: 0.015, y: yaw, z: -0.01 }.to_rotation();
-    let cuboid = Cuboid {
-        camera_from_vehicle: Pose::from_parts(
-            Vector3::new(place[0], 1.6, place[1]).into(),
-            nalgebra::UnitQuaternion::from_rotation_matrix(&rotation),
-        ),
-        extent: Extent::new(0.97 * e.width, e.height, 1.04 * e.length),
-    };
-    let whole = cuboid.project(&CAMERA).expect("the vehicle is in front of the camera");
-    let bounds = whole.intersection(&CAMERA.image_rect()).expect("the vehicle is in the image");
-    VehicleLabel {
-        track: Some(index as u32),
-        category: "Car".to_owned(),
-        dont_care: false,
-        truncated: u8::from(bounds != whole),
-        occluded: 0,
-        truncation: 1.0 - bounds.area() / whole.area(),
-        occupancy: None,
-        bounds,
-        cuboid,
-        model: Some(model.name().to_owned()),
-        color: None,
-    }
-}
+use street::{CAMERA, vehicle};
 
 /// The detection of the first vehicle of a street.
 fn detection(zoo: &ModelZoo, vehicles: Vec<VehicleLabel>, errors: Option<f64>) -> Detection {
