@@ -32,7 +32,14 @@ fn main() {
     let fleet = Arc::new(Fleet::new(&ModelZoo::embedded()));
     println!("fleet {:?}", lap());
     let world = World::new(
-        &WorldOptions { kind, index: 0, seed, duration: 60.0, camera: CameraOptions::default() },
+        &WorldOptions {
+            kind,
+            index: 0,
+            seed,
+            duration: 60.0,
+            camera: CameraOptions::default(),
+            open: 0.04,
+        },
         fleet,
     );
     println!("world {:?}", lap());

@@ -24,8 +24,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use partpose::dataset::{DatasetError, SequenceId};
 use partpose::files::{self, FileError};
-use partpose::vehicle::{ModelZoo, ZooError};
+use partpose::vehicle::{ModelZoo, VehicleModel, ZooError};
 
+use crate::vehicles::{Opening, opened};
 use crate::world::{Fleet, LayoutError, Variation};
 
 pub use effects::{Effect, UnknownEffect};
@@ -151,7 +152,8 @@ pub fn write(
         sequences::keep(&mut planned, shard);
     }
     manifest::claim(out, options, zoo)?;
-    let zoo = written_zoo(out, zoo)?;
+    let with_opened = options.open > 0.0 && options.layout.is_none();
+    let zoo = written_zoo(out, zoo, with_opened)?;
     let fleet = Arc::new(Fleet::new(&zoo));
     let workers = Workers::new(options.threads)?;
     progress(Progress::Total(planned.iter().map(PlannedWorld::images).sum()));
@@ -221,15 +223,29 @@ pub enum Progress {
     Done(usize),
 }
 
-/// The models as anybody reads them from the data set: the numbers of their files, not those they were made with.
-fn written_zoo(out: &Path, zoo: &ModelZoo) -> Result<ModelZoo, SynthError> {
-    let cars = |model: &&partpose::vehicle::VehicleModel| matches!(model.category(), "Car" | "Van");
-    let kept = ModelZoo { models: zoo.models.iter().filter(cars).cloned().collect() };
+/// The models as anybody reads them from the data set: the numbers of their files, not those they were made with. With
+/// `with_opened` the first cars that can be opened have such a form too, each another.
+fn written_zoo(out: &Path, zoo: &ModelZoo, with_opened: bool) -> Result<ModelZoo, SynthError> {
+    let cars = |model: &&VehicleModel| matches!(model.category(), "Car" | "Van");
+    let closed = |model: &&VehicleModel| Opening::of_name(model.name()).is_none();
+    let models = zoo.models.iter().filter(cars).filter(closed).cloned().collect();
+    let mut kept = ModelZoo { models };
     if kept.models.is_empty() {
         return Err(SynthError::NoVehicles);
     }
     if let Some(model) = kept.models.iter().find(|model| model.name().contains(' ')) {
         return Err(SynthError::ModelName { name: model.name().to_owned() });
+    }
+    if with_opened {
+        let mut left = Opening::ALL.to_vec();
+        let mut open = |model: &VehicleModel| {
+            let model = opened(model, *left.first()?)?;
+            left.remove(0);
+            Some(model)
+        };
+        let cars = kept.models.iter().filter(|model| model.category() == "Car");
+        let opened: Vec<VehicleModel> = cars.filter_map(&mut open).collect();
+        kept.models.extend(opened);
     }
     let path = out.join(ZOO);
     kept.save(&path)?;

@@ -36,7 +36,8 @@ pub struct RenderOptions {
     pub anti_aliasing: bool,
     /// Side of the shadow maps in texels; 0 for none.
     pub shadows: usize,
-    /// Whether surfaces mirror what stands around, and wet roads what stands on them; else a sky over a dark band.
+    /// Whether surfaces mirror what stands around; else a sky over a dark band. Wet roads mirror what the picture shows
+    /// either way.
     pub surroundings: bool,
 }
 
@@ -104,9 +105,10 @@ pub fn render(scene: &Scene, options: &RenderOptions) -> Rendered {
         options.surroundings.then(|| surroundings::of_scene(scene, &bounds, &lighting));
     lighting.environment = environment.as_ref().unwrap_or(&plain);
     let mut color = pixels::shade(camera, &seen, &triangles, &visibility, &lighting);
-    if scene.air.wetness > 0.0 && options.surroundings {
-        let (depths, shares) = pixels::wet(camera, &seen, &triangles, &visibility, &lighting);
-        mirror::add(camera, &lighting, &depths, &shares, &mut color);
+    if scene.air.wetness > 0.0 {
+        let step = if options.surroundings { 1 } else { 2 };
+        let water = pixels::wet(camera, &seen, &triangles, &visibility, &lighting, step);
+        mirror::add(camera, &lighting, &water, &mut color);
     }
 
     let labels = labels::draw(scene, &seen, &triangles, &visibility);

@@ -16,6 +16,7 @@
 
 mod bake;
 mod coarse;
+mod hinges;
 mod inside;
 mod looks;
 mod patchwork;
@@ -24,11 +25,12 @@ mod slots;
 
 use std::sync::Arc;
 
-use partpose::geometry::Extent;
+use partpose::geometry::{Extent, Point3};
 use partpose::vehicle::VehicleModel;
 
 use crate::scene::SurfaceMesh;
 
+pub(crate) use hinges::{Opening, leaf, opened};
 pub use looks::{Lamps, Look, Paint, random_look};
 pub use slots::materials;
 
@@ -45,6 +47,29 @@ pub struct VehicleKind {
     pub extent: Extent,
     /// Its surface with the slots that [`materials`] fills and with the model's mesh for the labels.
     pub surface: Arc<SurfaceMesh>,
+    /// Faces of what stands open, before the model is scaled; none for most.
+    pub leaf: Arc<[[Point3; 3]]>,
+}
+
+/// The kind of an opened model, from that of the closed one.
+pub(crate) fn opened_kind(
+    model: &VehicleModel,
+    closed: &VehicleKind,
+    opening: Opening,
+) -> VehicleKind {
+    let mut surface = match &closed.surface.labels {
+        Some(labels) => {
+            hinges::opened_surface(&closed.surface, labels, opening, &closed.body_style)
+        }
+        None => (*closed.surface).clone(),
+    };
+    surface.labels = Some(Arc::new(model.mesh().clone()));
+    VehicleKind {
+        name: model.name().to_owned(),
+        surface: Arc::new(surface),
+        leaf: leaf(model).map(|(_, faces)| faces.into()).unwrap_or_default(),
+        ..closed.clone()
+    }
 }
 
 /// The surface of a model: what the parts leave open (grille, plates, rims, seals, inside) follows from their places.
@@ -62,5 +87,6 @@ pub fn vehicle_kind(model: &VehicleModel) -> VehicleKind {
         body_style: model.body_style().to_owned(),
         extent: model.extent(),
         surface: Arc::new(surface),
+        leaf: Arc::default(),
     }
 }

@@ -31,7 +31,7 @@ mod variation;
 use std::sync::Arc;
 
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
-use partpose::geometry::{Camera, Extent, Pose};
+use partpose::geometry::{Camera, Extent, Point3, Pose};
 
 use crate::scene::{Object, Scene};
 use crate::vehicles::Lamps;
@@ -93,6 +93,8 @@ pub struct WorldOptions {
     pub duration: f64,
     /// The camera.
     pub camera: CameraOptions,
+    /// Share of parked vehicles that have a door or the boot open.
+    pub open: f64,
 }
 
 /// The world of a sequence.
@@ -102,6 +104,7 @@ pub struct World {
     plan: Plan,
     sun: [f64; 2],
     camera: CameraOptions,
+    open: f64,
     scenery: Scenery,
     fleet: Arc<Fleet>,
     layout: Option<Arc<Layout>>,
@@ -127,8 +130,10 @@ pub struct PlacedVehicle {
     pub model: String,
     /// Name of its colour.
     pub color: &'static str,
-    /// Its size.
+    /// Its size, closed.
     pub extent: Extent,
+    /// Faces of what stands open of it, vehicle frame, metres; none for most.
+    pub leaf: Vec<[Point3; 3]>,
     /// Where it is.
     pub world_from_vehicle: Pose,
     /// Whether it moves between this frame and the next.
@@ -145,6 +150,7 @@ impl World {
             plan: plan::plan(options.kind, seed, options.duration),
             sun: plan::sun(options.kind, seed),
             camera: vary_camera(&options.camera, seed),
+            open: options.open,
             scenery: Scenery::new(options.kind, seed),
             fleet,
             layout: None,
@@ -165,6 +171,7 @@ impl World {
             },
             sun: plan::sun(kind, seed),
             camera: CameraOptions { camera: layout.camera(), ..CameraOptions::default() },
+            open: 0.0,
             scenery: Scenery::around(kind, seed, &layout),
             fleet,
             layout: Some(layout),
@@ -230,12 +237,15 @@ impl World {
 
     fn placed(&self, vehicle: &Vehicle, track: u32, pose: Pose, moving: bool) -> PlacedVehicle {
         let kind = self.fleet.kind(vehicle);
+        let scale = vehicle.extent.ratio(&kind.extent);
+        let scaled = |corner: Point3| Point3::from(corner.coords.component_mul(&scale));
         PlacedVehicle {
             track,
             category: kind.category.clone(),
             model: kind.name.clone(),
             color: vehicle.color_name(),
             extent: vehicle.extent,
+            leaf: kind.leaf.iter().map(|corners| corners.map(scaled)).collect(),
             world_from_vehicle: pose,
             moving,
         }
@@ -292,7 +302,15 @@ impl World {
                     let heavy = &heavies[lane.choice(self.seed, place.index, heavies.len())];
                     Candidate::Other(heavy.at(place.world_from_vehicle))
                 } else {
-                    let vehicle = self.fleet.vehicle(self.seed, &lane.words(place.index));
+                    let words = lane.words(place.index);
+                    let vehicle = self.fleet.vehicle(self.seed, &words);
+                    let own = [0x09e4, words[1], words[2]];
+                    let is_open = lane.parked && random::unit(self.seed, &own) < self.open;
+                    let vehicle = if is_open {
+                        self.fleet.opened(vehicle, random::hash(self.seed, &own))
+                    } else {
+                        vehicle
+                    };
                     Candidate::Vehicle { vehicle, place, track: lane.track(place.index) }
                 });
             }

@@ -75,8 +75,8 @@ fn a_seed_gives_the_same_bytes_on_any_number_of_threads() {
     assert_eq!(summary, Summary { sequences: 4, drawn: 12, kept: 0 });
     make(&three, &SynthOptions { threads: 3, ..options() }).unwrap();
     assert_same(&one, &three);
-    // 12 frames of 4 images, 3 tables a sequence, the record, the camera, the models.
-    assert_eq!(files(&one).len(), 12 * 4 + 4 * 3 + 2 + 4);
+    // 12 frames of 4 images, 3 tables a sequence, the record, the camera, the models, closed and opened.
+    assert_eq!(files(&one).len(), 12 * 4 + 4 * 3 + 2 + 4 + 3);
 }
 
 #[test]
@@ -178,6 +178,68 @@ fn labels_agree_with_each_other_and_with_the_labelling_pipeline() {
         seen += counts.vehicle;
     }
     assert!(seen > 20_000, "{seen} pixels of vehicles");
+}
+
+#[test]
+fn open_doors_and_boots_lie_in_their_boxes_and_are_labelled_by_their_models() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = Camera::pinhole(362.5, [310.25, 93.5], [621, 188]);
+    let options = SynthOptions {
+        scenes: vec![SceneKind::Urban],
+        frames: 4,
+        interval: 2.0,
+        variations: vec![Variation::Clone],
+        camera: CameraOptions { camera, ..CameraOptions::default() },
+        effects: Vec::new(),
+        open: 1.0,
+        ..options()
+    };
+    make(folder.path(), &options).unwrap();
+    let open_dataset = || Dataset::open(folder.path()).unwrap();
+    let report = check(&open_dataset(), &CheckOptions { masks: None, worst: 10 }, &mut |_| {});
+    assert!(report.is_clean(), "{:?}", report.problems);
+    let counts = verify(folder.path()).unwrap()[0].1;
+    assert!(counts.is_clean() && counts.open > 1_000, "{counts:?}");
+    let dataset = open_dataset();
+    let frames = dataset.frames(&dataset.sequences()[0]).unwrap();
+    let vehicles = || frames.iter().flat_map(|frame| &frame.vehicles);
+    for opening in ["-open-door-left", "-open-boot", "-open-door-right"] {
+        let of =
+            |model: &Option<String>| model.as_ref().is_some_and(|name| name.ends_with(opening));
+        let count = vehicles().filter(|vehicle| of(&vehicle.model)).count();
+        assert!(count >= 2, "{count} vehicles with {opening}");
+    }
+    // Called by the closed models, the same pixels are wrong.
+    let rows = folder.path().join("vkitti_1.3.1_motgt/1001_clone.txt");
+    let text = fs::read_to_string(&rows).unwrap();
+    let closed: String = text
+        .split_inclusive('\n')
+        .map(|line| {
+            let mut fields: Vec<&str> = line.split(' ').collect();
+            fields[23] = fields[23].split("-open-").next().unwrap();
+            fields.join(" ")
+        })
+        .collect();
+    assert!(closed != text);
+    fs::write(&rows, closed).unwrap();
+    let counts = verify(folder.path()).unwrap()[0].1;
+    assert!(counts.outside > 100 && counts.relabelled > 1_000, "{counts:?}");
+}
+
+#[test]
+fn without_open_vehicles_there_are_no_opened_models() {
+    let folder = tempfile::tempdir().unwrap();
+    let few = SynthOptions {
+        frames: 1,
+        scenes: vec![SceneKind::Urban],
+        variations: vec![Variation::Clone],
+        open: 0.0,
+        ..options()
+    };
+    make(folder.path(), &few).unwrap();
+    assert_eq!(fs::read_dir(folder.path().join("zoo")).unwrap().count(), 4);
+    let refused = make(&folder.path().join("other"), &SynthOptions { open: 1.5, ..few });
+    assert!(matches!(refused, Err(SynthError::Options(_))));
 }
 
 #[test]

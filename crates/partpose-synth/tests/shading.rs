@@ -281,6 +281,24 @@ fn finer_sampling_changes_the_picture_and_no_label() {
 }
 
 #[test]
+fn wet_roads_mirror_what_stands_on_them_in_the_cheap_preset_too() {
+    let road_of = |color: [f32; 3], wetness: f64| {
+        let corners = [[-4.0, -3.0, 9.0], [4.0, -3.0, 9.0], [4.0, 1.5, 9.0], [-4.0, 1.5, 9.0]];
+        let wall = quad(corners, -Vector3::z(), plain(color), SegmentClass::Building);
+        let scene = Scene { air: Air { wetness, ..Air::default() }, ..scene(vec![road(), wall]) };
+        let rendered = render(&scene, &RenderOptions { shadows: 0, ..RenderOptions::cheap() });
+        let seen = rendered.color.iter().zip(&rendered.classes);
+        let road = seen.filter(|(_, class)| **class == SegmentClass::Road as u8);
+        road.map(|(color, _)| *color).collect::<Vec<_>>()
+    };
+    let [red, blue] = [[0.8, 0.05, 0.05], [0.05, 0.05, 0.8]];
+    let (a, b) = (road_of(red, 1.0), road_of(blue, 1.0));
+    let redder = a.iter().zip(&b).filter(|(a, b)| a[0] > b[0] && a[2] < b[2]).count();
+    assert!(redder > 500, "{redder} of {} pixels of the road mirror the wall", a.len());
+    assert_eq!(road_of(red, 0.0), road_of(blue, 0.0));
+}
+
+#[test]
 fn an_effect_that_is_switched_on_leaves_the_others_as_they_were() {
     let scene = street();
     let rendered = render(&scene, &RenderOptions::cheap());

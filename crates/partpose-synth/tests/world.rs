@@ -17,7 +17,7 @@ fn fleet() -> Arc<Fleet> {
 
 fn world(kind: SceneKind, fleet: &Arc<Fleet>) -> World {
     let camera = CameraOptions { camera: CAMERA, ..CameraOptions::default() };
-    let options = WorldOptions { kind, index: 0, seed: 5, duration: 20.0, camera };
+    let options = WorldOptions { kind, index: 0, seed: 5, duration: 20.0, camera, open: 0.1 };
     World::new(&options, Arc::clone(fleet))
 }
 

@@ -119,6 +119,47 @@ fn a_killed_run_goes_on_to_the_same_bytes() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn a_picture_that_finds_no_room_is_named_and_the_run_goes_on_later() {
+    let folder = folder();
+    let options = ["--fast", "--zoo", "models", "--scenes", "urban", "--variations", "clone"];
+    let command = [&["synth", "--frames", "1", "--open", "0"][..], &options].concat();
+    run(folder.path(), &[&command[..], &["--out", "whole"]].concat());
+    // Files of at most 400 KB, which models are and pictures are not, in place of a disk that fills up.
+    let output = Command::new("sh")
+        .args(["-c", "trap '' XFSZ; ulimit -f 800; exec \"$0\" \"$@\""])
+        .arg(env!("CARGO_BIN_EXE_partpose"))
+        .args(&command)
+        .args(["--out", "full"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    let lines: Vec<&str> = told.lines().collect();
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    assert_eq!(
+        lines[0], "error: cannot write `full/vkitti_1.3.1_rgb/1001/clone/00000.png`",
+        "{told}"
+    );
+    assert!(lines[2].contains("repeat the command with `--resume`"), "{told}");
+    let left = files(&folder.path().join("full"));
+    assert!(left.keys().all(|path| !path.to_string_lossy().contains("tmp")), "{:?}", left.keys());
+    assert!(!left.keys().any(|path| path.extension() == Some("png".as_ref())));
+    run(folder.path(), &[&command[..], &["--out", "full", "--resume"]].concat());
+    assert!(files(&folder.path().join("whole")) == files(&folder.path().join("full")));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_that_cannot_be_written_is_named() {
+    let folder = folder();
+    let text = run(folder.path(), &arguments(&["--out", "/proc/world", "--frames", "1"]));
+    assert!(text.contains("error: cannot write `/proc/world`\n"), "{text}");
+    assert!(text.contains("see that the folder may be written"), "{text}");
+    assert!(text.ends_with("--- exit 2\n"), "{text}");
+}
+
 #[test]
 fn folders_that_hold_something_are_left_alone() {
     let folder = folder();
@@ -185,13 +226,14 @@ fn a_data_set_is_not_mixed_with_another() {
 #[test]
 fn options_that_make_no_data_set_are_named() {
     let folder = folder();
-    let cases: [(&[&str], &str); 11] = [
+    let cases: [(&[&str], &str); 12] = [
         (&["--frames", "0"], "the number of frames must be 1 to 100000"),
         (&["--fps", "0"], "`--fps` is 0, but must be 0.1 to 1000"),
         (&["--worlds", "1000"], "the number of worlds of a kind must be 1 to 999"),
         (&["--camera-height", "0"], "the height of the camera must be 0.3 to 10 metres"),
         (&["--camera-pitch", "60"], "pitch and roll of the camera must be within 28 degrees"),
         (&["--camera-roll", "nan"], "pitch and roll of the camera must be within 28 degrees"),
+        (&["--open", "1.5"], "the share of parked vehicles with something open must be 0 to 1"),
         (&["--threads", "5000"], "at most 1024 threads"),
         (&["--effects", "noise,glow"], "`glow` is no effect; there are fog, rain, motion-blur"),
         (&["--zoo", "nowhere"], "cannot read `nowhere`"),

@@ -73,6 +73,7 @@ fn describe(options: &SynthOptions, zoo: &ModelZoo) -> Map<String, Value> {
         ("camera_pitch", json!(camera.pitch)),
         ("camera_roll", json!(camera.roll)),
         ("camera_spread", json!(camera.spread)),
+        ("open", json!(options.open)),
         ("effects", json!(names(&mut effects))),
         ("render", json!(format!("{:?}", options.render))),
         ("layout", json!(options.layout.as_ref().map(|path| path.display().to_string()))),

@@ -11,6 +11,9 @@ use crate::world::{CameraOptions, SceneKind, Variation};
 /// Most threads that a run may have.
 pub(super) const MAX_THREADS: usize = 1024;
 
+/// Share of parked vehicles that have something open, unless asked for otherwise.
+const OPEN: f64 = 0.04;
+
 /// What is written.
 #[derive(Clone, Debug)]
 pub struct SynthOptions {
@@ -29,6 +32,8 @@ pub struct SynthOptions {
     pub variations: Vec<Variation>,
     /// The camera.
     pub camera: CameraOptions,
+    /// Share of parked vehicles that have a door or the boot open; none do where a layout is followed.
+    pub open: f64,
     /// What lenses, sensors, weather and files add to pictures; without any the camera only exposes.
     pub effects: Vec<Effect>,
     /// How pictures are drawn.
@@ -54,6 +59,7 @@ impl Default for SynthOptions {
             worlds: 1,
             variations: Variation::ALL.to_vec(),
             camera: CameraOptions::default(),
+            open: OPEN,
             effects: Effect::ALL.to_vec(),
             render: RenderOptions::default(),
             layout: None,
@@ -83,6 +89,8 @@ pub(super) fn check(options: &SynthOptions) -> Result<(), SynthError> {
         Some("the height of the camera must be 0.3 to 10 metres")
     } else if !(options.camera.pitch.abs() <= 0.5 && options.camera.roll.abs() <= 0.5) {
         Some("pitch and roll of the camera must be within 28 degrees")
+    } else if !(0.0..=1.0).contains(&options.open) {
+        Some("the share of parked vehicles with something open must be 0 to 1")
     } else if options.threads > MAX_THREADS {
         Some("there can be at most 1024 threads")
     } else {

@@ -111,6 +111,7 @@ impl PlannedWorld {
                     seed: options.seed,
                     duration: f64::from(options.frames) * options.interval,
                     camera: options.camera,
+                    open: options.open,
                 },
                 Arc::clone(fleet),
             ),

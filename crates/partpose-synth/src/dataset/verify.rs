@@ -1,17 +1,18 @@
 //! Whether the labels of a data set agree with each other: parts, segmentation, cuboids, and labels made anew.
 //!
 //! Three claims are checked pixel by pixel. Whatever the segmentation calls a vehicle with a row in the tables carries a
-//! part, and nothing else does. Every such pixel lies on the vehicle's reprojected cuboid, but for its mirrors: a cuboid
-//! has the width of the body. And the labels that the labelling pipeline makes from the written rows, models and
-//! segmentation are those that were drawn.
+//! part, and nothing else does. Every such pixel lies on the vehicle's reprojected cuboid, but for its mirrors and for
+//! doors and boots that stand open: a cuboid is that of the closed body. What stands open lies on a cuboid of its own, by
+//! the model. And the labels that the labelling pipeline makes from the written rows, models and segmentation are those
+//! that were drawn.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::{Point2, Point3};
-use partpose::dataset::{Dataset, Frame, SegmentColor, SequenceId};
+use nalgebra::{Point2, Point3, Translation3};
+use partpose::dataset::{Dataset, Frame, SegmentColor, SequenceId, VehicleLabel};
 use partpose::files::{self, RgbImage};
-use partpose::geometry::{Camera, Cuboid};
+use partpose::geometry::{Camera, Cuboid, Extent};
 use partpose::labeling::{LabelOptions, ModelChoice, Segmentation, Zoos, label_frame};
 use partpose::parts::PartClass;
 use partpose::render::LabelRenderer;
@@ -19,6 +20,7 @@ use partpose::vehicle::ModelZoo;
 use rayon::prelude::*;
 
 use super::{SynthError, ZOO};
+use crate::vehicles::leaf;
 
 /// How far beside a cuboid a pixel may lie, pixels: half of one, since a pixel is an area.
 const BESIDE: f64 = 0.5;
@@ -34,8 +36,11 @@ pub struct Verified {
     pub without_part: u64,
     /// Pixels with a part that the segmentation gives to something else.
     pub stray: u64,
-    /// Pixels of vehicles, but for mirrors, that lie beside their reprojected cuboid.
+    /// Pixels of vehicles, but for mirrors, that lie beside their reprojected cuboid; of what stands open those that lie
+    /// beside its own cuboid too.
     pub outside: u64,
+    /// Pixels of what stands open.
+    pub open: u64,
     /// Pixels where labels made anew, with the segmentation, show another part or none.
     pub relabelled: u64,
     /// The same without the segmentation: what other things than vehicles hide is not known then.
@@ -57,6 +62,7 @@ impl Verified {
             without_part: self.without_part + other.without_part,
             stray: self.stray + other.stray,
             outside: self.outside + other.outside,
+            open: self.open + other.open,
             relabelled: self.relabelled + other.relabelled,
             relabelled_blind: self.relabelled_blind + other.relabelled_blind,
         }
@@ -96,6 +102,7 @@ fn frame(
     };
     let parts = frame.read_parts()?.labels;
     let owners = owners(&files::read_rgb(classes)?, frame, colors);
+    let leaves: Vec<_> = frame.vehicles.iter().map(|vehicle| leaf_cuboid(vehicle, zoo)).collect();
     let mut found = Verified { frames: 1, ..Verified::default() };
     let width = frame.camera.size[0].max(1) as usize;
     for (at, (owner, part)) in owners.iter().zip(&parts).enumerate() {
@@ -109,8 +116,14 @@ fn frame(
             continue;
         }
         let pixel = Point2::new((at % width) as f64, (at / width) as f64);
-        let cuboid = &frame.vehicles[*owner].cuboid;
-        found.outside += u64::from(!is_on(cuboid, &frame.camera, pixel));
+        let mut inside = is_on(&frame.vehicles[*owner].cuboid, &frame.camera, pixel);
+        if let Some((parts, cuboid)) = &leaves[*owner]
+            && PartClass::from_id(*part).is_some_and(|part| parts.contains(&part))
+        {
+            found.open += 1;
+            inside |= is_on(cuboid, &frame.camera, pixel);
+        }
+        found.outside += u64::from(!inside);
     }
     let zoos = Zoos::single(zoo);
     let options = LabelOptions { models: ModelChoice::Name, ..LabelOptions::default() };
@@ -122,6 +135,25 @@ fn frame(
     found.relabelled = differing(segmentation.as_ref())?;
     found.relabelled_blind = differing(None)?;
     Ok(found)
+}
+
+/// What stands open of a vehicle: its parts, and the cuboid around them with the axes of the vehicle.
+fn leaf_cuboid(vehicle: &VehicleLabel, zoo: &ModelZoo) -> Option<(&'static [PartClass], Cuboid)> {
+    let model = zoo.get(vehicle.model.as_deref()?)?;
+    let (parts, faces) = leaf(model)?;
+    let scale = vehicle.cuboid.extent.ratio(&model.extent());
+    let corners = || faces.iter().flatten().map(|corner| corner.coords.component_mul(&scale));
+    let first = corners().next()?;
+    let (low, high) = corners().fold((first, first), |(low, high), p| (low.inf(&p), high.sup(&p)));
+    let side = high - low;
+    // The origin of a cuboid is the middle of its bottom face, and y points down.
+    let middle = 0.5 * (low + high);
+    let bottom = Translation3::new(middle.x, high.y, middle.z);
+    let cuboid = Cuboid {
+        camera_from_vehicle: vehicle.cuboid.camera_from_vehicle * bottom,
+        extent: Extent::new(side.x, side.y, side.z),
+    };
+    Some((parts, cuboid))
 }
 
 fn is_mirror(part: PartClass) -> bool {
@@ -174,7 +206,7 @@ fn sees(cuboid: &Cuboid, camera: &Camera, pixel: Point2<f64>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use partpose::geometry::{Extent, Pose, Vector3};
+    use partpose::geometry::{Pose, Vector3};
 
     const CAMERA: Camera = Camera::pinhole(725.0, [620.5, 187.0], [1242, 375]);
 

@@ -16,17 +16,20 @@ type V = Vector3<f32>;
 /// Steps along a ray; they grow with the distance.
 const STEPS: usize = 28;
 
+/// Where water mirrors.
+pub(super) struct Water {
+    /// Side of the blocks of pixels that are mirrored as one.
+    pub(super) step: usize,
+    /// 1 / z at pixel centres.
+    pub(super) inverse_depths: Vec<f32>,
+    /// How much the first pixel of a block mirrors; `None` for every pixel that is no ground.
+    pub(super) shares: Vec<Option<f32>>,
+}
+
 /// Exchanges, in `color`, the mirrored surroundings of wet pixels by what stands behind them.
-///
-/// `shares` is how much each pixel mirrors, `inverse_depths` 1 / z at pixel centres.
-pub(super) fn add(
-    camera: &Camera,
-    lighting: &Lighting,
-    inverse_depths: &[f32],
-    shares: &[f32],
-    color: &mut [[f32; 3]],
-) {
+pub(super) fn add(camera: &Camera, lighting: &Lighting, water: &Water, color: &mut [[f32; 3]]) {
     let width = camera.size[0] as usize;
+    let Water { step, inverse_depths, shares } = water;
     let old = color.to_vec();
     let view = View {
         camera_from_world: lighting.world_from_camera.transpose(),
@@ -35,27 +38,31 @@ pub(super) fn add(
         center: camera.principal_point.map(|c| c as f32),
         inverse_depths,
     };
-    color.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
-        for (x, value) in row.iter_mut().enumerate() {
-            let i = y * width + x;
-            let inverse_depth = inverse_depths[i];
-            if shares[i] <= 0.0 || inverse_depth <= 0.0 {
-                continue;
-            }
-            let ray = view.ray(x as f32, y as f32);
-            let from = ray / inverse_depth;
-            let to_eye = lighting.world_from_camera * -ray.normalize();
-            let cos = (-to_eye.y).clamp(0.02, 1.0);
-            let share = shares[i] * (0.02 + 0.98 * (1.0 - cos).powi(5));
-            let mirrored = V::new(-to_eye.x, to_eye.y, -to_eye.z);
-            let Some(hit) = view.follow(&from, &(view.camera_from_world * mirrored)) else {
-                continue;
-            };
-            let instead = lighting.environment.reflected(&mirrored, 0.08);
-            let seen = view.softened(&old, hit);
-            let change = (seen - instead) * share;
-            for (value, change) in value.iter_mut().zip(change.iter()) {
-                *value = (*value + change).max(0.0);
+    let change = |i: usize| {
+        let inverse_depth = inverse_depths[i];
+        let share = shares[i].filter(|share| *share > 0.0 && inverse_depth > 0.0)?;
+        let ray = view.ray((i % width) as f32, (i / width) as f32);
+        let from = ray / inverse_depth;
+        let to_eye = lighting.world_from_camera * -ray.normalize();
+        let cos = (-to_eye.y).clamp(0.02, 1.0);
+        let share = share * (0.02 + 0.98 * (1.0 - cos).powi(5));
+        let mirrored = V::new(-to_eye.x, to_eye.y, -to_eye.z);
+        let hit = view.follow(&from, &(view.camera_from_world * mirrored))?;
+        let instead = lighting.environment.reflected(&mirrored, 0.08);
+        Some((view.softened(&old, hit) - instead) * share)
+    };
+    color.par_chunks_mut((width * step).max(1)).enumerate().for_each(|(block, rows)| {
+        let start = block * step * width;
+        for x in (0..width).step_by(*step) {
+            let Some(change) = change(start + x) else { continue };
+            for row in (0..rows.len()).step_by(width) {
+                for i in row + x..row + (x + step).min(width) {
+                    if shares[start + i].is_some() {
+                        for (value, change) in rows[i].iter_mut().zip(change.iter()) {
+                            *value = (*value + change).max(0.0);
+                        }
+                    }
+                }
             }
         }
     });

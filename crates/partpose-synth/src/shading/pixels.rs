@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use crate::scene::SegmentClass;
 
+use super::mirror::Water;
 use super::raster::{NOTHING, Visibility};
 use super::surface::{Facet, Lighting, Spot};
 use super::visible::{Seen, Triangle, Triangles};
@@ -55,31 +56,36 @@ pub(super) fn shade(
     color
 }
 
-/// 1 / z at pixel centres, and how much of each pixel is a mirror of water.
+/// How much of the first pixel of every block of `step` x `step` is a mirror of water.
 pub(super) fn wet(
     camera: &Camera,
     seen: &[Seen],
     triangles: &Triangles,
     visibility: &Visibility,
     lighting: &Lighting,
-) -> (Vec<f32>, Vec<f32>) {
+    step: usize,
+) -> Water {
     let width = camera.size[0] as usize;
     let pixel = |i: usize| {
         let [x, y] = [i % width, i / width];
         let sample = y * visibility.rate * visibility.size[0] + x * visibility.rate;
-        let share = triangles
+        let ground = triangles
             .opaque
             .get(visibility.ids[sample] as usize)
-            .filter(|triangle| is_ground(&seen[triangle.seen as usize]))
-            .and_then(|triangle| {
-                let ray = ray(camera, [x as f32, y as f32]);
-                Spot::new(lighting, &seen[triangle.seen as usize], triangle.face, &ray)
-            })
-            .map_or(0.0, |spot| spot.water(lighting));
-        (visibility.inverse_depths[sample], share)
+            .filter(|triangle| is_ground(&seen[triangle.seen as usize]));
+        let share = |triangle: &Triangle| {
+            if x % step + y % step > 0 {
+                return 0.0;
+            }
+            let ray = ray(camera, [x as f32, y as f32]);
+            let spot = Spot::new(lighting, &seen[triangle.seen as usize], triangle.face, &ray);
+            spot.map_or(0.0, |spot| spot.water(lighting))
+        };
+        (visibility.inverse_depths[sample], ground.map(share))
     };
     let count = visibility.ids.len() / (visibility.rate * visibility.rate);
-    (0..count).into_par_iter().map(pixel).unzip()
+    let (inverse_depths, shares) = (0..count).into_par_iter().map(pixel).unzip();
+    Water { step, inverse_depths, shares }
 }
 
 fn is_ground(seen: &Seen) -> bool {

@@ -157,7 +157,12 @@ fn plate(work: &mut Patchwork, parts: &[P], middle: f32, ahead: f32) {
             |facet| {
                 is_one_of(facet, parts) && facet.corners.iter().all(|c| c.normal.z * ahead > 0.2)
             },
-            &[&|p| p.x.abs() - PLATE[0] - grow, &|p| (p.y + middle).abs() - PLATE[1] - grow],
+            &[
+                &|p| p.x - PLATE[0] - grow,
+                &|p| -p.x - PLATE[0] - grow,
+                &|p| p.y + middle - PLATE[1] - grow,
+                &|p| -p.y - middle - PLATE[1] - grow,
+            ],
         );
     }
 }
@@ -257,13 +262,19 @@ fn handles(work: &mut Patchwork) {
         // The rear door's lower half is cut away by the wheel arch, its upper half is not.
         let from = low.z + 0.08;
         let is_door = |facet: &Facet| is_one_of(facet, &[door]);
-        let along = [&|p: &V| from - p.z, &|p: &V| p.z - from - 0.20] as [&dyn Fn(&V) -> f32; 2];
-        work.paint(
-            Slot::BlackPlastic,
-            is_door,
-            &[&|p| (p.y + h - 0.004).abs() - 0.024, along[0], along[1]],
-        );
-        work.paint(Slot::Handle, is_door, &[&|p| (p.y + h).abs() - 0.014, along[0], along[1]]);
+        // Bounds that are straight in the point cut faces however large they are.
+        for (slot, grow) in [(Slot::BlackPlastic, 0.008), (Slot::Handle, 0.0)] {
+            work.paint(
+                slot,
+                is_door,
+                &[
+                    &|p| from - grow - p.z,
+                    &|p| p.z - from - grow - 0.20,
+                    &|p| p.y + h - 0.014 - grow,
+                    &|p| -p.y - h - 0.014 - grow,
+                ],
+            );
+        }
     }
 }
 

@@ -9,7 +9,9 @@ use rand::RngExt;
 
 use super::random::random;
 use crate::scene::{Object, SegmentClass};
-use crate::vehicles::{Lamps, Look, VehicleKind, materials, random_look, vehicle_kind};
+use crate::vehicles::{
+    Lamps, Look, Opening, VehicleKind, materials, opened_kind, random_look, vehicle_kind,
+};
 
 /// Share of vans where the zoo has any.
 const VANS: f64 = 0.10;
@@ -20,22 +22,36 @@ const SPREAD: [f64; 3] = [0.04, 0.05, 0.07];
 #[derive(Clone, Debug)]
 pub struct Fleet {
     kinds: Vec<VehicleKind>,
+    /// Kinds with something open.
+    opened: Vec<VehicleKind>,
 }
 
 /// A vehicle, the same in every frame of its track.
 #[derive(Clone, Debug)]
 pub(crate) struct Vehicle {
     kind: usize,
+    /// Which of the fleet's opened kinds it is, if it is one.
+    opened: Option<usize>,
     /// Its size.
     pub(crate) extent: Extent,
     look: Look,
 }
 
 impl Fleet {
-    /// The vehicles of a zoo; those that are neither cars nor vans are left out.
+    /// The vehicles of a zoo; those that are neither cars nor vans are left out. Models that are named as opened ones
+    /// are those of their closed models.
     pub fn new(zoo: &ModelZoo) -> Self {
         let known = |model: &&VehicleModel| matches!(model.category(), "Car" | "Van");
-        Self { kinds: zoo.models.iter().filter(known).map(vehicle_kind).collect() }
+        let closed = |model: &&VehicleModel| Opening::of_name(model.name()).is_none();
+        let models = || zoo.models.iter().filter(known);
+        let kinds: Vec<VehicleKind> = models().filter(closed).map(vehicle_kind).collect();
+        let opened = |model: &VehicleModel| {
+            let (name, opening) = Opening::of_name(model.name())?;
+            let closed = kinds.iter().find(|kind| kind.name == name)?;
+            Some(opened_kind(model, closed, opening))
+        };
+        let opened = models().filter_map(opened).collect();
+        Self { kinds, opened }
     }
 
     /// Whether no vehicle can be made.
@@ -60,7 +76,19 @@ impl Fleet {
             extent.height * factor(SPREAD[1]),
             extent.length * factor(SPREAD[2]),
         );
-        Vehicle { kind, extent, look: random_look(&mut rng) }
+        Vehicle { kind, opened: None, extent, look: random_look(&mut rng) }
+    }
+
+    /// One with something open in a vehicle's stead, of the same look and as much larger than its model; the vehicle
+    /// itself where there is no such model. `choice` chooses among several.
+    pub(crate) fn opened(&self, vehicle: Vehicle, choice: u64) -> Vehicle {
+        let count = self.opened.len().max(1) as u64;
+        let opened = (choice % count) as usize;
+        let Some(kind) = self.opened.get(opened) else { return vehicle };
+        let factor = vehicle.extent.ratio(&self.kind(&vehicle).extent);
+        let extent = kind.extent.to_vector().component_mul(&factor);
+        let extent = Extent::new(extent.x, extent.y, extent.z);
+        Vehicle { opened: Some(opened), extent, ..vehicle }
     }
 
     /// The vehicle of a category scaled to a size: one of the body style that another data set's name of a mesh speaks
@@ -88,12 +116,13 @@ impl Fleet {
         }
         let distance = |kind: usize| self.kinds[kind].extent.l1_distance(&extent);
         let kind = fitting.into_iter().min_by(|a, b| distance(*a).total_cmp(&distance(*b)))?;
-        Some(Vehicle { kind, extent, look: random_look(&mut random(seed, words)) })
+        let look = random_look(&mut random(seed, words));
+        Some(Vehicle { kind, opened: None, extent, look })
     }
 
     /// The kind of a vehicle.
     pub(crate) fn kind(&self, vehicle: &Vehicle) -> &VehicleKind {
-        &self.kinds[vehicle.kind]
+        vehicle.opened.map_or(&self.kinds[vehicle.kind], |opened| &self.opened[opened])
     }
 
     /// A vehicle in its place; `instance` counts from 1.

@@ -85,6 +85,7 @@ const NOBODY: Lane = Lane {
     number: 0,
     right: 0.0,
     forward: true,
+    parked: false,
     speed: 0.0,
     gap: 6.3,
     delay: 1.1,
@@ -148,10 +149,17 @@ fn urban(vary: Vary, duration: f64) -> Plan {
             heavy: 0.06,
             ..NOBODY
         },
-        Lane { right: LANE + 1.15, gap: vary(21, 5.9, 6.6), empty: vary(22, 0.12, 0.45), ..NOBODY },
+        Lane {
+            right: LANE + 1.15,
+            parked: true,
+            gap: vary(21, 5.9, 6.6),
+            empty: vary(22, 0.12, 0.45),
+            ..NOBODY
+        },
         Lane {
             right: -LANE - 1.15,
             forward: false,
+            parked: true,
             gap: vary(23, 5.9, 6.6),
             empty: vary(24, 0.08, 0.3),
             ..NOBODY
@@ -200,6 +208,7 @@ fn intersection(vary: Vary) -> Plan {
     let parked = |right: f64, forward: bool| Lane {
         right,
         forward,
+        parked: true,
         empty: 0.25,
         within: [CROSSING + 28.0, 130.0],
         ..NOBODY

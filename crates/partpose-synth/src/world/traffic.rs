@@ -22,7 +22,9 @@ pub(crate) struct Lane {
     pub(crate) right: f64,
     /// Along the path, or against it.
     pub(crate) forward: bool,
-    /// Mean speed, m/s; 0 for parked ones.
+    /// Whether its vehicles are parked: nobody sits in them.
+    pub(crate) parked: bool,
+    /// Mean speed, m/s; 0 for those that stand.
     pub(crate) speed: f64,
     /// Distance of two vehicles that stand, front to front, metres.
     pub(crate) gap: f64,
@@ -187,6 +189,7 @@ mod tests {
             number: 3,
             right: 1.7,
             forward: true,
+            parked: false,
             speed: 8.0,
             gap: 7.5,
             delay: 1.1,

@@ -57,6 +57,10 @@ pub(super) struct MakeArguments {
     /// Use these models alone, by their names, separated by commas [default: all cars and vans]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     models: Vec<String>,
+    /// Share of parked vehicles with a door or the boot open; above 0 the data set's zoo holds up to
+    /// three opened models, named as `sedan-open-door-left`
+    #[arg(long, value_name = "SHARE", default_value_t = 0.04)]
+    open: f64,
     #[command(flatten)]
     camera: CameraArguments,
     /// Take camera path and vehicles from the clones of a data set; for comparison only, since what
@@ -65,7 +69,7 @@ pub(super) struct MakeArguments {
         long,
         value_name = "DIR",
         conflicts_with_all = [
-            "scenes", "worlds", "camera", "camera_height", "camera_pitch", "camera_roll",
+            "scenes", "worlds", "open", "camera", "camera_height", "camera_pitch", "camera_roll",
             "camera_fixed",
         ]
     )]
@@ -162,6 +166,7 @@ fn options(arguments: &MakeArguments) -> anyhow::Result<SynthOptions> {
         worlds: arguments.worlds,
         variations: or_all(&arguments.variations, &Variation::ALL),
         camera: camera(&arguments.camera)?,
+        open: arguments.open,
         effects: effects(arguments.effects.as_deref())?,
         render: if arguments.fast { RenderOptions::cheap() } else { RenderOptions::default() },
         layout: arguments.layout_from.clone(),
