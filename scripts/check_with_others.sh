@@ -19,6 +19,11 @@ python="$out/venv/bin/python"
 "$python" scripts/others/read_mcap.py "$out/mcap/results.mcap" "$out/run"
 "$partpose" export --results "$out/run" --to parquet --out "$out/parquet"
 "$python" scripts/others/read_parquet.py "$out/parquet/vehicles.parquet" "$out/run"
+# What pandas has read and written is read back.
+"$python" -c 'import pandas, sys; pandas.read_parquet(sys.argv[1]).to_parquet(sys.argv[2])' \
+  "$out/parquet/vehicles.parquet" "$out/parquet/pandas.parquet"
+"$partpose" export --from parquet --results "$out/parquet/pandas.parquet" --to parquet --out "$out/parquet/back"
+"$python" scripts/others/read_parquet.py "$out/parquet/back/vehicles.parquet" "$out/run"
 
 "$partpose" serve --port 0 --camera examples/world --queue 2 --max-body 4 2> "$out/serve.log" &
 server=$!

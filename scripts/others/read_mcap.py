@@ -29,6 +29,10 @@ for (time, message), result in zip(by_topic["/detections"], results):
         q = detection.bbox.center.orientation
         forward = [1 - 2 * (q.y**2 + q.z**2), 2 * (q.x * q.y + q.w * q.z), 2 * (q.x * q.z - q.w * q.y)]
         assert np.allclose(forward, rotation[:, 2], atol=1e-6)
+        # Place first in ROS, rotation first in the results.
+        known = np.array(pose["dense"]["covariance"])[:6, :6]
+        known = np.roll(known, (3, 3), (0, 1)).ravel()
+        assert np.allclose(detection.results[0].pose.covariance, known) and known[0] > 0
         assert detection.results[0].hypothesis.score == vehicle["score"]
 for (_, info), result in zip(by_topic["/camera/camera_info"], results):
     camera = result["camera"]

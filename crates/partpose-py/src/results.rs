@@ -71,6 +71,7 @@ fn vehicle(pose: &PoseEstimate) -> PosedVehicle {
         score: pose.score,
         cuboid: pose.inner.cuboid(),
         confidence: pose.inner.dense.as_ref().map(|report| report.confidence),
+        covariance: pose.inner.dense.as_ref().map(|report| report.covariance),
         reprojection_rmse: pose.inner.reprojection_rmse,
         track: None,
     }

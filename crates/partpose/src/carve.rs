@@ -54,6 +54,15 @@ pub struct CarveOptions {
     pub max_faces: usize,
     /// How far masks lie off the true outlines.
     pub mask_bias: Option<MaskBias>,
+    /// Every how many models one is made, and which is the first, from 0: all of them with `(1, 0)`. The others are drawn
+    /// roughly all the same, since they hide what is made.
+    pub made: (usize, usize),
+}
+
+impl CarveOptions {
+    fn makes(&self, index: usize) -> bool {
+        index % self.made.0.max(1) == self.made.1
+    }
 }
 
 impl Default for CarveOptions {
@@ -66,6 +75,7 @@ impl Default for CarveOptions {
             min_tracks: 2,
             max_faces: 10_000,
             mask_bias: None,
+            made: (1, 0),
         }
     }
 }
@@ -89,10 +99,15 @@ pub fn carve_models(
     let bias = options.mask_bias.as_ref();
     let mut views = read_views(frames, &rows, &names, bias, &mut carved.skipped, observer);
     let mut shapes: Vec<Option<Shape>> = Vec::new();
-    for (name, views) in names.iter().zip(&mut views) {
+    for (index, (name, views)) in names.iter().zip(&mut views).enumerate() {
+        let mut skip = |skipped| {
+            if options.makes(index) {
+                carved.skipped.push(skipped);
+            }
+        };
         let tracks = views.chunk_by(|a, b| a.track == b.track).count();
         if tracks < options.min_tracks {
-            carved.skipped.push(Skipped::TooFewViews {
+            skip(Skipped::TooFewViews {
                 name: name.clone(),
                 tracks,
                 views: views.len(),
@@ -103,7 +118,7 @@ pub fn carve_models(
         }
         let shape = first_shape(name, views, options, observer);
         if shape.is_none() {
-            carved.skipped.push(Skipped::Empty { name: name.clone(), views: views.len() });
+            skip(Skipped::Empty { name: name.clone(), views: views.len() });
         }
         shapes.push(shape);
     }
@@ -116,8 +131,8 @@ pub fn carve_models(
         .collect();
     let others: Vec<(&str, &Mesh, Extent)> =
         drawn.iter().map(|(name, mesh, e)| (name.as_str(), mesh, *e)).collect();
-    for ((name, views), shape) in names.iter().zip(&mut views).zip(shapes) {
-        let Some(shape) = shape else { continue };
+    for (index, ((name, views), shape)) in names.iter().zip(&mut views).zip(shapes).enumerate() {
+        let Some(shape) = shape.filter(|_| options.makes(index)) else { continue };
         let category = category_of(frames, name);
         match finish((name, &category), views, shape, &others, options, observer) {
             Ok(model) => carved.models.push(model),

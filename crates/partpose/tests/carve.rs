@@ -166,6 +166,26 @@ fn number_of_threads_changes_nothing() {
 }
 
 #[test]
+fn parts_are_together_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut frames = frames(folder.path());
+    for vehicle in frames.iter_mut().flat_map(|frame| &mut frame.vehicles) {
+        if vehicle.track.is_some_and(|track| track % 2 == 1) {
+            vehicle.model = Some("BoxCoupe".to_owned());
+        }
+    }
+    let carve = |made| {
+        let options = CarveOptions { made, voxels: [32, 28, 60], ..options() };
+        let carved = carve_models(&frames, None, &|_, _| false, &options, &mut |_| {}).unwrap();
+        carved.models.into_iter().map(|carved| carved.model).collect::<Vec<_>>()
+    };
+    let whole = carve((1, 0));
+    assert_eq!(whole.len(), 2);
+    assert!([carve((2, 0)), carve((2, 1))].concat() == whole);
+    assert!(carve((3, 2)).is_empty());
+}
+
+#[test]
 fn what_is_missing_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let mut frames = frames(folder.path());

@@ -134,6 +134,7 @@ fn truth(scene: &Scene) -> PosedImage {
         score: 1.0,
         cuboid: label.cuboid,
         confidence: None,
+        covariance: None,
         reprojection_rmse: None,
         track: None,
     });

@@ -210,6 +210,34 @@ fn parts_of_a_fit_are_together_the_whole() {
 }
 
 #[test]
+fn parts_of_an_evaluation_are_together_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    dataset(folder.path());
+    let evaluate = |more: &[&str]| {
+        let arguments = ["evaluate", "poses", "--dataset", "vkitti", "--oracle", "--tables"];
+        run(folder.path(), &[&arguments[..], &["--variations", "clone,fog"], more].concat())
+    };
+    let whole = evaluate(&["--out", "whole"]);
+    assert!(whole.ends_with("--- exit 0\n"), "{whole}");
+    for shard in ["3/3", "1/3"] {
+        let said = evaluate(&["--out", "parts", "--shard", shard]);
+        assert!(said.contains("other parts are") && said.ends_with("--- exit 0\n"), "{said}");
+    }
+    assert!(!folder.path().join("parts/metrics.json").exists());
+    let other = evaluate(&["--out", "parts", "--shard", "2/3", "--box", "tight"]);
+    assert!(other.contains("other settings") && other.ends_with("--- exit 2\n"), "{other}");
+    let last = evaluate(&["--out", "parts", "--shard", "2/3"]);
+    assert_eq!(last.replace("`parts`", "`whole`"), whole);
+    for file in ["metrics.json", "tables.md", "vehicles.csv", "table-1.csv"] {
+        let read = |out: &str| fs::read(folder.path().join(out).join(file)).unwrap();
+        assert!(read("parts") == read("whole"), "{file}");
+    }
+    fs::write(folder.path().join("parts/shards/1-of-3.json"), "{").unwrap();
+    let damaged = evaluate(&["--out", "parts", "--shard", "2/3"]);
+    assert!(damaged.contains("1-of-3.json") && damaged.ends_with("--- exit 2\n"), "{damaged}");
+}
+
+#[test]
 fn vehicles_of_a_sequence_keep_their_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let zoo = dataset(folder.path());

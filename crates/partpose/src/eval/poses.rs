@@ -3,12 +3,12 @@
 //! The paper's translation and rotation deviations are sums over the three axes, not norms; both are kept, under
 //! different names.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::geometry::{Cuboid, EulerAngles, wrap_angle};
 
 /// One estimate against its truth.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PoseDeviation {
     /// Whether the predicted model is the true one; `None` where the zoo has no model by the label's name.
     pub model_is_right: Option<bool>,

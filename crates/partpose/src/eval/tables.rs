@@ -1,5 +1,7 @@
 //! The paper's Tables III to V, and scores by distance, occlusion and truncation.
 
+use serde::{Deserialize, Serialize};
+
 use crate::parts::Scaling;
 use crate::pose::{Center2d, Center3d, PartFilters, PoseOptions};
 
@@ -100,7 +102,7 @@ pub fn score_table(title: &str, rows: &[(String, PoseScores)]) -> Table {
 }
 
 /// What a breakdown needs to know of a scored vehicle.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Stratum {
     /// Metres along the viewing axis.
     pub depth: f64,

@@ -8,7 +8,7 @@
 //! a share p of the cases.
 
 use nalgebra::{DMatrix, DVector};
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::geometry::{Cuboid, Vector3};
 use crate::pose::PoseEstimate;
@@ -19,17 +19,20 @@ use super::Table;
 pub const GOOD_IOU: f64 = 0.5;
 
 /// One estimate's statements about itself, and what was true.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sureness {
     /// Dimensions of the error: 6, or 9 with the size.
     pub dimensions: usize,
     /// The normalised squared error.
+    #[serde(deserialize_with = "finite_or_infinite")]
     pub squared_error: f64,
     /// The smallest level whose ellipsoid holds the truth, 0 to 1.
     pub level: f64,
     /// The error of the centre's depth over its stated standard deviation.
+    #[serde(deserialize_with = "finite_or_infinite")]
     pub depth: f64,
     /// The stated standard deviation of the centre's depth, metres.
+    #[serde(deserialize_with = "finite_or_infinite")]
     pub depth_sd: f64,
     /// The stated probability of a good pose, and whether it is.
     pub confidence: f64,
@@ -41,6 +44,11 @@ pub struct Sureness {
     pub model_is_right: bool,
     /// The stated probability of the second mode, and whether it is nearer the truth than the first.
     pub second: Option<(f64, bool)>,
+}
+
+/// JSON has no infinity: it is written as `null`.
+fn finite_or_infinite<'de, D: Deserializer<'de>>(number: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(number)?.unwrap_or(f64::INFINITY))
 }
 
 /// What an estimate of the dense fit said of itself; `None` for other fits.

@@ -74,6 +74,7 @@ pub fn import_kitti(folder: &Path, options: &ImportOptions) -> Result<Vec<PosedI
                 score: if scored { object.score } else { 1.0 },
                 cuboid,
                 confidence: None,
+                covariance: None,
                 reprojection_rmse: None,
                 track: None,
             });
@@ -119,6 +120,7 @@ pub fn import_nuscenes(
                 score: score(path, &place, found)?,
                 cuboid,
                 confidence: None,
+                covariance: None,
                 reprojection_rmse: None,
                 track: None,
             });
@@ -191,6 +193,7 @@ pub fn import_openlabel(
                 score: named("num", "score").and_then(|value| value.as_f64()).unwrap_or(1.0),
                 cuboid,
                 confidence: None,
+                covariance: None,
                 reprojection_rmse: None,
                 track: None,
             });
@@ -251,6 +254,7 @@ pub fn import_bop(path: &Path, options: &ImportOptions) -> Result<Vec<PosedImage
             score: line.score,
             cuboid,
             confidence: None,
+            covariance: None,
             reprojection_rmse: None,
             track: None,
         });

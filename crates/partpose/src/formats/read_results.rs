@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
-use nalgebra::{Matrix3, UnitQuaternion};
+use nalgebra::{Matrix3, Matrix6, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
 use crate::files::{self, FileError};
 use crate::geometry::{Camera, Cuboid, Extent, Pose, Rect, Rotation3, Vector3};
+
+use super::results::placed;
 
 /// How far a matrix may be from a rotation.
 const ROTATION_TOLERANCE: f64 = 1e-3;
@@ -72,6 +74,9 @@ pub struct PosedVehicle {
     pub cuboid: Cuboid,
     /// How much the fit trusts itself, 0 to 1, where it says so.
     pub confidence: Option<f64>,
+    /// Covariance of a rotation vector in camera axes about the cuboid's centre (radians) and of the centre (metres),
+    /// where the fit says it.
+    pub covariance: Option<Matrix6<f64>>,
     /// Root mean square distance of projected and seen part centres in pixels, where the fit rests on them.
     pub reprojection_rmse: Option<f64>,
     /// What the frames of a sequence say together, where they were followed.
@@ -87,6 +92,8 @@ pub struct PosedTrack {
     pub model: String,
     /// The smoothed pose and size.
     pub cuboid: Cuboid,
+    /// As that of the vehicle.
+    pub covariance: Option<Matrix6<f64>>,
 }
 
 impl PosedVehicle {
@@ -95,6 +102,7 @@ impl PosedVehicle {
     pub fn tracked(mut self) -> Self {
         if let Some(track) = &self.track {
             self.cuboid = track.cuboid;
+            self.covariance = track.covariance;
             self.model.clone_from(&track.model);
         }
         self
@@ -114,7 +122,7 @@ struct VehicleRecord {
     score: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     pose: Option<PoseRecord>,
-    #[serde(default, skip_serializing)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     track: Option<TrackRecord>,
 }
 
@@ -129,22 +137,29 @@ struct PoseRecord {
     extent: Extent,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     reprojection_rmse: Option<f64>,
-    #[serde(default, skip_serializing)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     dense: Option<DenseRecord>,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 struct DenseRecord {
     confidence: Option<f64>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    covariance: CovarianceRecord,
 }
 
-#[derive(Deserialize)]
+/// Rows, of which the first six of the first six columns are meant; a number that is not finite is `null`.
+type CovarianceRecord = Vec<Vec<Option<f64>>>;
+
+#[derive(Serialize, Deserialize)]
 struct TrackRecord {
     id: u32,
     model: String,
     translation: [f64; 3],
     rotation: [[f64; 3]; 3],
     extent: Extent,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    covariance: CovarianceRecord,
 }
 
 /// Reads the result of one image; `category` gives the category of a model by its name.
@@ -184,6 +199,7 @@ pub fn parse_result(
         let track = match vehicle.track {
             Some(track) => Some(PosedTrack {
                 id: track.id,
+                covariance: covariance(&track.covariance),
                 model: track.model,
                 cuboid: self::cuboid(&track.translation, track.rotation, track.extent)
                     .map_err(wrong)?,
@@ -191,12 +207,14 @@ pub fn parse_result(
             None => None,
         };
         let [left, top, right, bottom] = vehicle.bounds;
+        let dense = pose.dense.as_ref();
         vehicles.push(PosedVehicle {
             category: pose.category.unwrap_or_else(|| category(&pose.model)),
             model: pose.model,
             bounds: Rect::new(left, top, right, bottom),
             score: vehicle.score,
-            confidence: pose.dense.and_then(|dense| dense.confidence),
+            confidence: dense.and_then(|dense| dense.confidence),
+            covariance: dense.and_then(|dense| covariance(&dense.covariance)),
             reprojection_rmse: pose.reprojection_rmse,
             cuboid,
             track,
@@ -207,6 +225,17 @@ pub fn parse_result(
 
 fn is_sensible(values: &[f64]) -> bool {
     values.iter().all(|value| value.abs() <= ABSURD)
+}
+
+/// `None` where numbers are missing or say of no place how sure it is.
+fn covariance(rows: &CovarianceRecord) -> Option<Matrix6<f64>> {
+    let mut covariance = Matrix6::zeros();
+    for i in 0..6 {
+        for j in 0..6 {
+            covariance[(i, j)] = rows.get(i)?.get(j).copied().flatten()?;
+        }
+    }
+    (covariance.diagonal().min() >= 0.0).then_some(covariance)
 }
 
 /// The cuboid of a record, or what of it makes no sense.
@@ -233,24 +262,40 @@ fn cuboid(
 
 /// The JSON of an image whose poses come from elsewhere; [`parse_result`] reads it as it reads that of `fit`.
 pub fn result_json(image: &PosedImage) -> String {
+    let matrix = |covariance: &Option<Matrix6<f64>>| {
+        let row = |row: nalgebra::RowVector6<f64>| row.iter().copied().map(Some).collect();
+        covariance.map_or(Vec::new(), |matrix| matrix.row_iter().map(|r| row(r.into())).collect())
+    };
     let vehicle = |vehicle: &PosedVehicle| {
         let bounds = &vehicle.bounds;
-        let pose = &vehicle.cuboid.camera_from_vehicle;
-        let rotation = pose.rotation.to_rotation_matrix();
-        let row = |i: usize| std::array::from_fn(|j| rotation[(i, j)]);
+        let (translation, rotation) = placed(&vehicle.cuboid.camera_from_vehicle);
+        let says = vehicle.confidence.is_some() || vehicle.covariance.is_some();
         VehicleRecord {
             bounds: [bounds.x_min, bounds.y_min, bounds.x_max, bounds.y_max],
             score: vehicle.score,
             pose: Some(PoseRecord {
                 model: vehicle.model.clone(),
                 category: Some(vehicle.category.clone()),
-                translation: pose.translation.vector.into(),
-                rotation: [row(0), row(1), row(2)],
+                translation,
+                rotation,
                 extent: vehicle.cuboid.extent,
                 reprojection_rmse: vehicle.reprojection_rmse,
-                dense: None,
+                dense: says.then(|| DenseRecord {
+                    confidence: vehicle.confidence,
+                    covariance: matrix(&vehicle.covariance),
+                }),
             }),
-            track: None,
+            track: vehicle.track.as_ref().map(|track| {
+                let (translation, rotation) = placed(&track.cuboid.camera_from_vehicle);
+                TrackRecord {
+                    id: track.id,
+                    model: track.model.clone(),
+                    translation,
+                    rotation,
+                    extent: track.cuboid.extent,
+                    covariance: matrix(&track.covariance),
+                }
+            }),
         }
     };
     let record = ImageRecord {
@@ -286,6 +331,7 @@ pub(super) mod tests {
                     extent: Extent::new(1.8, 1.5, 4.4),
                 },
                 confidence: None,
+                covariance: None,
                 reprojection_rmse: None,
                 track: None,
             }
@@ -334,13 +380,24 @@ pub(super) mod tests {
 
     #[test]
     fn what_is_written_is_read_back() {
-        let image = posed();
+        let mut image = posed();
+        image.vehicles[0].confidence = Some(0.75);
+        image.vehicles[0].covariance = Some(Matrix6::from_fn(|i, j| 1.0 / (i + j + 1) as f64));
+        let cuboid = image.vehicles[1].cuboid;
+        let track = PosedTrack { id: 3, model: "van".to_owned(), cuboid, covariance: None };
+        image.vehicles[1].track = Some(track);
         let text = result_json(&image);
         let back = parse_result(Path::new("a.json"), text.as_bytes(), &|_| String::new()).unwrap();
         assert_eq!((back.camera, &back.image), (image.camera, &image.image));
         for (found, vehicle) in back.vehicles.iter().zip(&image.vehicles) {
             assert_eq!((&found.model, &found.category), (&vehicle.model, &vehicle.category));
             assert!(found.cuboid.iou(&vehicle.cuboid) > 1.0 - 1e-9);
+            assert_eq!(
+                (found.confidence, found.covariance),
+                (vehicle.confidence, vehicle.covariance)
+            );
+            let track = |vehicle: &PosedVehicle| vehicle.track.as_ref().map(|track| track.id);
+            assert_eq!(track(found), track(vehicle));
         }
     }
 

@@ -28,15 +28,16 @@ struct PoseRecord {
     dense: Option<DenseRecord>,
 }
 
-/// Numbers that are not finite are written as `null`.
 #[derive(Deserialize)]
 struct DenseRecord {
-    covariance: Vec<Vec<Option<f64>>>,
+    #[serde(default)]
     depth_and_size: SpreadRecord,
+    #[serde(default)]
     model_probabilities: Vec<ModelRecord>,
 }
 
-#[derive(Deserialize)]
+/// Numbers that are not finite are written as `null`.
+#[derive(Default, Deserialize)]
 struct SpreadRecord {
     depth_sd: Option<f64>,
     depth_sd_if_size_known: Option<f64>,
@@ -58,7 +59,9 @@ pub fn observations(
         .map_err(|source| ResultFileError::Json { path: path.to_owned(), source })?;
     let poses = record.vehicles.into_iter().filter_map(|vehicle| vehicle.pose);
     let seen = posed.vehicles.into_iter().zip(poses).map(|(vehicle, pose)| {
-        let known = pose.dense.map(|dense| (spread(&dense), models(dense.model_probabilities)));
+        let known = pose
+            .dense
+            .map(|dense| (spread(vehicle.covariance, &dense), models(dense.model_probabilities)));
         let (spread, models) = known.unzip();
         Observation {
             bounds: vehicle.bounds,
@@ -66,22 +69,17 @@ pub fn observations(
             cuboid: vehicle.cuboid,
             spread: spread.flatten(),
             confidence: vehicle.confidence.unwrap_or(0.5),
-            models: models.unwrap_or_else(|| vec![(vehicle.model, 1.0)]),
+            models: models
+                .filter(|models| !models.is_empty())
+                .unwrap_or_else(|| vec![(vehicle.model, 1.0)]),
         }
     });
     Ok((posed.camera, seen.collect()))
 }
 
-fn spread(dense: &DenseRecord) -> Option<Spread> {
-    let value = |i: usize, j: usize| dense.covariance.get(i)?.get(j).copied().flatten();
-    let mut covariance = Matrix6::zeros();
-    for i in 0..6 {
-        for j in 0..6 {
-            covariance[(i, j)] = value(i, j)?;
-        }
-    }
+fn spread(covariance: Option<Matrix6<f64>>, dense: &DenseRecord) -> Option<Spread> {
     Some(Spread {
-        covariance,
+        covariance: covariance?,
         depth_sd: dense.depth_and_size.depth_sd?,
         depth_sd_if_size_known: dense.depth_and_size.depth_sd_if_size_known?,
     })

@@ -253,6 +253,7 @@ mod tests {
                 extent: Extent::new(1.8, 1.5, 4.4),
             },
             confidence: None,
+            covariance: None,
             reprojection_rmse: None,
             track: None,
         };

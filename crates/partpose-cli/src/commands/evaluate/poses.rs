@@ -8,6 +8,7 @@ mod pictures;
 mod predicted;
 mod rows;
 mod scene;
+mod shards;
 mod uncertainty;
 
 use std::collections::BTreeSet;
@@ -18,12 +19,15 @@ use partpose::dataset::folds::Folds;
 use partpose::dataset::{Dataset, Frame};
 use partpose::eval::model_names::ModelNames;
 use partpose::eval::{
-    Configuration, EvaluationOptions, SceneProtocol, Stratum, TruthExtent, VehicleOutcome,
-    evaluate_frames,
+    Configuration, EvaluationOptions, SceneProtocol, Scored, Stratum, Sureness, TruthExtent,
+    VehicleOutcome, evaluate_frames,
 };
 use partpose::files;
+use partpose::labeling::Shard;
 use partpose::oracle::{HeadErrors, OracleBox};
+use partpose::pose::PartState;
 use partpose::vehicle::ModelZoo;
+use serde::{Deserialize, Serialize};
 
 use super::selection::{self, Needs, Selection};
 use super::source::{Source, SourceFlags};
@@ -105,6 +109,10 @@ pub(crate) struct Arguments {
     pictures: usize,
     #[command(flatten)]
     pose: PoseFlags,
+    /// Score part I of N of the frames; all parts write to one folder, and whoever finds the others done writes the
+    /// tables of all
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["compare", "parts", "pictures"])]
+    shard: Option<Shard>,
     /// Folder for metrics and tables
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -138,13 +146,27 @@ fn percent(text: &str) -> Result<f64, String> {
 }
 
 /// One vehicle's outcome with what tables and lists need of its label.
+#[derive(Serialize, Deserialize)]
 struct Row {
+    /// Which fold, and which frame of all: the order of the list.
+    place: [usize; 2],
     sequence: String,
     frame: u32,
     track: Option<u32>,
     model: String,
     stratum: Stratum,
-    outcome: VehicleOutcome,
+    /// Index of the vehicle in its frame.
+    vehicle: usize,
+    scored: Scored,
+    sureness: Option<Sureness>,
+    pixel_accuracy: Option<f64>,
+    /// Of the estimate.
+    seconds: f64,
+    /// What the list says of the estimate, or why there is none.
+    estimate: Result<output::Estimated, String>,
+    /// Only for the table of parts, which no shard makes.
+    #[serde(skip)]
+    parts: Vec<PartState>,
 }
 
 /// The rows of every configuration, and how many frames could not be read.
@@ -171,7 +193,12 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         return compare::run(arguments, &dataset, (&folds, &zoos), &names);
     }
     let source = if arguments.oracle { None } else { Some(predicted::open(&arguments.source)?) };
-    let evaluated = evaluate(arguments, &dataset, (&folds, &zoos), (source.as_ref(), &names))?;
+    let mut evaluated = evaluate(arguments, &dataset, (&folds, &zoos), (source.as_ref(), &names))?;
+    if let Some(shard) = arguments.shard
+        && !shards::join(arguments, shard, &mut evaluated)?
+    {
+        return Ok(if evaluated.skipped == 0 { Outcome::Done } else { Outcome::Skipped });
+    }
     if evaluated.rows[0].is_empty() {
         let advice = if arguments.oracle {
             "the zoo must hold models by the names of the data set's (`partpose zoo list ZOO`), \
@@ -212,11 +239,13 @@ fn evaluate(
         let options = options(arguments, &zoos[0], (&|_, _| true, &|_, _| false, &right), None);
         rows::degrade(&mut configurations, &frames, &options, target, arguments.pose.seed)?;
     }
+    let detections = source.map_or("oracle".to_owned(), |source| source.name.clone());
+    let own = shards::own(arguments, &frames, (&detections, &configurations), &mut skipped)?;
     let last = configurations.len() - 1;
-    let mut pictures = pictures::Pictures::new(&frames, arguments.pictures);
+    let mut pictures = pictures::Pictures::new(&own, arguments.pictures);
     let mut rows: Vec<Vec<Row>> = configurations.iter().map(|_| Vec::new()).collect();
     let mut unreadable = BTreeSet::new();
-    for (fold, zoo) in folds.iter().zip(zoos) {
+    for (fold_index, (fold, zoo)) in folds.iter().zip(zoos).enumerate() {
         let dealt = match fold {
             Some(fold) => Some((*fold, Folds::of(dataset, &sequences, fold.count)?)),
             None => None,
@@ -244,15 +273,16 @@ fn evaluate(
         if source.is_none() {
             scene::measure(&mut options, &frames, &configurations[last])?;
         }
-        let outcomes = outcomes(&frames, source, arguments, (&options, &configurations));
-        for (frame, outcome) in frames.iter().zip(outcomes) {
+        let outcomes = outcomes(&own, source, arguments, (&options, &configurations));
+        for (index, (frame, outcome)) in own.iter().zip(outcomes).enumerate() {
+            let place = [fold_index, shards::place(index, arguments.shard)];
             match outcome {
                 Ok(outcome) => {
                     for (rows, outcomes) in rows.iter_mut().zip(outcome) {
                         for mut outcome in outcomes {
                             let detection = outcome.detection.take();
                             pictures.add(frame, zoo, detection, &outcome);
-                            rows.push(row(frame, outcome));
+                            rows.push(row(place, frame, outcome));
                         }
                     }
                 }
@@ -265,7 +295,6 @@ fn evaluate(
         }
     }
     skipped += unreadable.len() + pictures.write(arguments)?;
-    let detections = source.map_or("oracle".to_owned(), |source| source.name.clone());
     Ok(Evaluated { detections, configurations, rows, skipped })
 }
 
@@ -330,9 +359,10 @@ fn options<'a>(
     }
 }
 
-fn row(frame: &Frame, outcome: VehicleOutcome) -> Row {
+fn row(place: [usize; 2], frame: &Frame, outcome: VehicleOutcome) -> Row {
     let label = &frame.vehicles[outcome.vehicle];
     Row {
+        place,
         sequence: frame.sequence.to_string(),
         frame: frame.index,
         track: label.track,
@@ -343,6 +373,15 @@ fn row(frame: &Frame, outcome: VehicleOutcome) -> Row {
             truncated: label.truncated,
             occupancy: label.occupancy,
         },
-        outcome,
+        vehicle: outcome.vehicle,
+        scored: outcome.scored,
+        sureness: outcome.sureness,
+        pixel_accuracy: outcome.pixel_accuracy,
+        seconds: outcome.seconds,
+        estimate: match &outcome.estimate {
+            Ok(estimate) => Ok(output::Estimated::of(estimate)),
+            Err(reason) => Err(reason.to_string()),
+        },
+        parts: outcome.estimate.map_or(Vec::new(), |estimate| estimate.parts),
     }
 }

@@ -135,14 +135,20 @@ fn detections(time: u64, vehicles: &[PosedVehicle]) -> Message {
         message.text(&vehicle.category);
         message.f64(vehicle.score);
         message.numbers(&pose);
-        // All 0: not known.
-        message.numbers(&[0.0; 36]);
+        message.numbers(&covariance(vehicle));
         message.numbers(&pose);
         let extent = &vehicle.cuboid.extent;
         message.numbers(&[extent.length, extent.width, extent.height]);
         message.text(&vehicle.track.as_ref().map_or(String::new(), |track| track.id.to_string()));
     }
     message
+}
+
+/// Rows of the covariance of place and rotation in the axes of the message's frame; all 0 where it is not known.
+fn covariance(vehicle: &PosedVehicle) -> [f64; 36] {
+    let Some(known) = &vehicle.covariance else { return [0.0; 36] };
+    // ROS has the place first, we the rotation.
+    std::array::from_fn(|at| known[((at / 6 + 3) % 6, (at % 6 + 3) % 6)])
 }
 
 #[cfg(test)]
@@ -163,6 +169,7 @@ mod tests {
                 extent: Extent::new(1.8, 1.5, 4.4),
             },
             confidence: None,
+            covariance: None,
             reprojection_rmse: None,
             track: None,
         };
@@ -190,6 +197,21 @@ mod tests {
             (schema.name.as_str(), schema.encoding.as_str()),
             ("vision_msgs/msg/Detection3DArray", "ros2msg")
         );
+    }
+
+    #[test]
+    fn a_covariance_has_the_place_first_as_ros_has_it() {
+        let mut vehicle = frame().found.vehicles.remove(0);
+        assert!(covariance(&vehicle).iter().all(|value| *value == 0.0));
+        // Rotations about x, y, z, then places along x, y, z.
+        vehicle.covariance =
+            Some(nalgebra::Matrix6::from_fn(|i, j| f64::from(10 * i as u32 + j as u32)));
+        let told = covariance(&vehicle);
+        assert_eq!((told[0], told[1], told[3]), (33.0, 34.0, 30.0));
+        assert_eq!((told[21], told[18], told[35]), (0.0, 3.0, 22.0));
+        let bytes = detections(0, &[vehicle]).finish();
+        let value = told[1].to_le_bytes();
+        assert!(bytes.windows(8).any(|window| window == value), "the message holds it");
     }
 
     #[test]

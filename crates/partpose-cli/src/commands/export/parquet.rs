@@ -1,4 +1,6 @@
-//! One Parquet table, one row a vehicle with a pose: for pandas, polars, `DuckDB`, Spark, Daft.
+//! One Parquet table, one row a vehicle with a pose: for pandas, polars, `DuckDB`, Spark, Daft; and such a table read.
+
+mod read;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -12,6 +14,8 @@ use parquet::schema::parser::parse_message_type;
 use partpose::files;
 use partpose::formats::{PosedImage, PosedVehicle};
 use partpose::geometry::EulerAngles;
+
+pub(super) use read::read;
 
 /// The file that is written.
 const FILE: &str = "vehicles.parquet";
@@ -181,10 +185,11 @@ mod tests {
             score: 0.75,
             cuboid,
             confidence: Some(0.5),
+            covariance: None,
             reprojection_rmse: None,
             track: None,
         };
-        let track = PosedTrack { id: 7, model: "van".to_owned(), cuboid };
+        let track = PosedTrack { id: 7, model: "van".to_owned(), cuboid, covariance: None };
         let followed = PosedVehicle { track: Some(track), ..vehicle.clone() };
         let camera = Camera::pinhole(700.0, [600.0, 180.0], [1242, 375]);
         let image = |name: &str, vehicles: Vec<PosedVehicle>| PosedImage {
@@ -211,5 +216,53 @@ mod tests {
         );
         assert!(rows[1].contains("image_index: 2") && rows[1].contains("track: 7"), "{}", rows[1]);
         assert!(encode(&[]).is_ok());
+        let back = super::read(&folder.path().join(FILE)).unwrap();
+        let names: Vec<&str> = back.iter().map(|image| image.image.as_str()).collect();
+        assert_eq!(names, ["a.png", "c.png"], "an image without vehicles has no row");
+        let (read, wrote) = (&back[0].vehicles[0], &images[0].vehicles[0]);
+        assert_eq!((back[0].camera, read.bounds), (camera, wrote.bounds));
+        assert_eq!((read.score, read.confidence), (wrote.score, wrote.confidence));
+        assert_eq!((&read.model, &read.category), (&wrote.model, &wrote.category));
+        assert!(read.cuboid.iou(&cuboid) > 1.0 - 1e-9);
+        assert_eq!(back[1].vehicles[0].track.as_ref().map(|track| track.id), Some(7));
+    }
+
+    #[test]
+    fn a_table_that_is_damaged_or_another_is_refused() {
+        let cuboid = Cuboid {
+            camera_from_vehicle: Pose::translation(1.0, 1.5, 20.0),
+            extent: Extent::new(1.8, 1.5, 4.4),
+        };
+        let vehicle = PosedVehicle {
+            model: "sedan".to_owned(),
+            category: "Car".to_owned(),
+            bounds: Rect::new(0.0, 1.0, 9.0, 10.0),
+            score: 0.75,
+            cuboid,
+            confidence: None,
+            covariance: None,
+            reprojection_rmse: None,
+            track: None,
+        };
+        let camera = Camera::pinhole(700.0, [600.0, 180.0], [1242, 375]);
+        let image = PosedImage { image: "a.png".to_owned(), camera, vehicles: vec![vehicle; 3] };
+        let bytes = encode(&[image]).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FILE);
+        let said = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            super::read(&path).map_err(|error| format!("{error:#}"))
+        };
+        assert_eq!(said(&bytes).unwrap()[0].vehicles.len(), 3);
+        for cut in [0, 3, 8, bytes.len() / 2, bytes.len() - 1] {
+            let said = said(&bytes[..cut]).unwrap_err();
+            assert!(said.contains("cannot be read as Parquet"), "{said}");
+        }
+        // Whatever a damaged file holds: an answer or an error.
+        for at in (0..bytes.len()).step_by(7) {
+            let mut bytes = bytes.clone();
+            bytes[at] ^= 0xff;
+            let _ = said(&bytes);
+        }
     }
 }

@@ -26,6 +26,9 @@ pub(crate) enum Source {
     Nuscenes,
     /// An ASAM `OpenLABEL` 1.0 file with cuboids in the camera's frame
     Openlabel,
+    /// A Parquet table as `export --to parquet` writes it
+    #[cfg(feature = "parquet")]
+    Parquet,
 }
 
 /// All images, by the names of their files, and how many could not be read.
@@ -52,6 +55,8 @@ pub(super) fn read(
         Source::Bop => import_bop(path, &options)?,
         Source::Nuscenes => import_nuscenes(path, &options)?,
         Source::Openlabel => import_openlabel(path, &options)?,
+        #[cfg(feature = "parquet")]
+        Source::Parquet => super::parquet::read(path)?,
     };
     if images.is_empty() {
         anyhow::bail!("there is no image in `{}`", path.display());

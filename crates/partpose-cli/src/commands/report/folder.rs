@@ -13,6 +13,8 @@ use crate::report::hint;
 
 /// Subfolders with pictures of frames and vehicles.
 const PICTURES: [&str; 4] = ["explain", "explanations", "pictures", "."];
+/// Pictures that the report draws itself.
+const DRAWN: [&str; 2] = ["curves", "confusion"];
 /// Names of the first column of a curve over the course of a training.
 const STEPS: [&str; 4] = ["step", "iteration", "epoch", "images"];
 
@@ -63,6 +65,7 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Run> {
         .iter()
         .filter_map(|name| files_with_ending(&path.join(name), "png").ok())
         .flatten()
+        .filter(|path| path.file_stem().is_none_or(|stem| !DRAWN.iter().any(|name| stem == *name)))
         .collect();
     let vehicles = match path.join("vehicles.csv") {
         file if file.is_file() => vehicles(&csv::read(&file)?),

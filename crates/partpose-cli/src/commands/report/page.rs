@@ -16,6 +16,10 @@ const MOST_ROWS: usize = 500;
 /// Most pictures of results without labels that are shown.
 const MOST_PICTURES: usize = 6;
 
+/// Said in place of the best, median and worst vehicles.
+const NO_GALLERY: &str = "<p>Pictures of the best, median and worst vehicles stand here after <code>evaluate poses \
+    --pictures N</code>, or <code>explain --out</code> into the folder <code>explain</code> of this run.</p>\n";
+
 const STYLE: &str = "
 :root { color-scheme: light dark; --ink: #20242c; --paper: #fff; --soft: #f1f3f6; --dim: #606672; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e8ebf0; --paper: #16181d; --soft: #24272e; --dim: #aeb4c0; } }
@@ -73,7 +77,7 @@ fn contents(html: &mut String, runs: &[Run]) {
 }
 
 /// Headline figures by their key in `metrics.json`, with their factor and unit.
-const HEADLINES: [(&str, &str, f64, &str); 7] = [
+const HEADLINES: [(&str, &str, f64, &str); 11] = [
     ("count", "vehicles", 1.0, ""),
     ("mean_iou3d", "mean 3D IoU", 100.0, " %"),
     ("median_iou3d", "median 3D IoU", 100.0, " %"),
@@ -81,6 +85,10 @@ const HEADLINES: [(&str, &str, f64, &str); 7] = [
     ("median_distance", "median distance error", 1.0, " m"),
     ("median_angle", "median angle error", 180.0 / std::f64::consts::PI, "°"),
     ("unfittable", "no pose", 100.0, " %"),
+    ("precision", "box precision", 100.0, " %"),
+    ("recall", "box recall", 100.0, " %"),
+    ("ap", "COCO AP", 100.0, " %"),
+    ("mpa", "mPA", 100.0, " %"),
 ];
 
 fn headline(metrics: Option<&Value>, index: usize) -> Option<String> {
@@ -90,16 +98,33 @@ fn headline(metrics: Option<&Value>, index: usize) -> Option<String> {
     Some(format!("{:.digits$}{unit}", factor * value))
 }
 
+/// The headlines that any run has, of the runs that have any.
 fn comparison(runs: &[Run]) -> Table {
-    let mut columns = vec!["run"];
-    columns.extend(HEADLINES.iter().map(|(_, name, ..)| *name));
+    let said = |run: &Run, i: usize| headline(run.metrics.as_ref(), i);
+    let told = |i: &usize| runs.iter().any(|run| said(run, *i).is_some());
+    let told: Vec<usize> = (0..HEADLINES.len()).filter(told).collect();
+    let names = told.iter().map(|i| HEADLINES[*i].1);
+    let columns: Vec<&str> = std::iter::once("run").chain(names).collect();
     let mut table = Table::new("", &columns);
     for run in runs {
-        let figures = (0..HEADLINES.len())
-            .map(|i| headline(run.metrics.as_ref(), i).unwrap_or_else(|| "-".to_owned()));
-        table.rows.push(std::iter::once(run.name.clone()).chain(figures).collect());
+        let figures: Vec<Option<String>> = told.iter().map(|i| said(run, *i)).collect();
+        if figures.iter().any(Option::is_some) {
+            let figures = figures.into_iter().map(|figure| figure.unwrap_or_default());
+            table.rows.push(std::iter::once(run.name.clone()).chain(figures).collect());
+        }
     }
     table
+}
+
+/// A setting in words; `None` where it says nothing.
+fn setting(key: &str, value: &Value) -> Option<String> {
+    let plain = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let said = match value {
+        Value::Null => return None,
+        Value::Array(values) => values.iter().map(plain).collect::<Vec<_>>().join(", "),
+        other => plain(other),
+    };
+    (!said.is_empty()).then(|| format!("{}: {said}", key.replace('_', " ")))
 }
 
 fn section(html: &mut String, run: &Run, most: usize) -> anyhow::Result<()> {
@@ -112,8 +137,7 @@ fn section(html: &mut String, run: &Run, most: usize) -> anyhow::Result<()> {
     html.push_str("</div>\n");
     if let Some(settings) = run.metrics.as_ref().and_then(|metrics| metrics["settings"].as_object())
     {
-        let said = settings.iter().filter(|(_, value)| !value.is_null());
-        let said: Vec<String> = said.map(|(key, value)| format!("{key} {value}")).collect();
+        let said: Vec<String> = settings.iter().filter_map(|(k, v)| setting(k, v)).collect();
         let _ = writeln!(html, "<p>{}</p>", html_escape(&said.join(" · ")));
     }
     if let Some(beside) = run.metrics.as_ref().and_then(paper::beside) {
@@ -150,6 +174,9 @@ fn vehicles(html: &mut String, run: &Run, most: usize) -> anyhow::Result<()> {
                 format!("{} at {:.1} m: {} {outcome}", vehicle.frame, vehicle.depth, vehicle.model);
             picture(html, path, &said)?;
         }
+    }
+    if rows.is_empty() && most > 0 && !run.vehicles.is_empty() {
+        html.push_str(NO_GALLERY);
     }
     if rows.is_empty() && most > 0 {
         for path in run.pictures.iter().take(MOST_PICTURES) {

@@ -195,12 +195,14 @@ fn mean(values: &[f64]) -> f64 {
 /// `None` where there is nothing to show.
 fn plot(title: &str, [x, y]: [&str; 2], mut series: Vec<Series>) -> Option<String> {
     series.retain(|series| series.points.len() > 1 || series.mark == Mark::Bars);
-    if series.iter().all(|series| series.points.is_empty()) {
+    let is_shown = |series: &Series| !series.points.is_empty() && series.mark != Mark::Reference;
+    if !series.iter().any(is_shown) {
         return None;
     }
     // Shares are shown from 0 to 1, so that plots can be compared.
     let all = || series.iter().flat_map(|series| &series.points);
-    let is_share = y.contains("IoU") && all().all(|point| (0.0..=1.0).contains(&point[1]));
+    let names_share = ["IoU", "precision", "share"].iter().any(|name| y.contains(name));
+    let is_share = names_share && all().all(|point| (0.0..=1.0).contains(&point[1]));
     let y = if is_share { Axis::over(y, [0.0, 1.0]) } else { Axis::new(y) };
     let title = title.to_owned();
     Some(svg_plot(&Plot { title, x: Axis::new(x), y, series, size: [560, 340] }))

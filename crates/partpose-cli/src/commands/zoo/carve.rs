@@ -10,8 +10,9 @@ use partpose::carve::{
 use partpose::dataset::folds::{Fold, Folds};
 use partpose::dataset::{Dataset, Frame, SequenceId};
 use partpose::eval::measure_mask_bias;
+use partpose::labeling::Shard;
 use partpose::pose::dense::MaskBias;
-use partpose::vehicle::ModelZoo;
+use partpose::vehicle::{ModelZoo, PartialModel};
 use partpose::viz::{TurntableOptions, turntable};
 
 use super::carve_report;
@@ -48,6 +49,9 @@ pub(crate) struct Arguments {
     /// `mask-bias.json`
     #[arg(long, value_name = "BIAS", default_value = "none")]
     mask_bias: String,
+    /// Make part I of N of the models; all parts may write to one folder
+    #[arg(long, value_name = "I/N", conflicts_with = "report")]
+    shard: Option<Shard>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
@@ -72,7 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         }
         Progress::Carving { model, step } => bar.set_message(format!("{model}: {step}")),
     };
-    let mut options = CarveOptions::default();
+    let mut options = options(arguments)?;
     let names = arguments.models.as_deref();
     let mut carve = |options: &CarveOptions| {
         carve_models(&frames, names, &leave_out, options, &mut observe).map_err(|error| {
@@ -105,7 +109,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     for skipped in &carved.skipped {
         report::warn_error("left a model out", skipped);
     }
-    if carved.models.is_empty() {
+    if carved.models.is_empty() && arguments.shard.is_none() {
         let error = anyhow::anyhow!("no model could be carved");
         return Err(hint(
             error,
@@ -114,8 +118,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     let mut table = table_of(&carved.models);
     let zoo = zoo_of(&carved);
-    zoo.save(&arguments.out)?;
-    if options.mask_bias.is_some() {
+    save(&zoo, arguments)?;
+    if options.mask_bias.is_some() && arguments.shard.is_none() {
         mask_bias::write(&arguments.out.join(mask_bias::NAME), &measure(&carved)?)?;
     }
     provenance::write(&arguments.out, dataset.root(), &sequences, arguments.fold)?;
@@ -126,6 +130,28 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     report::data(&table)?;
     Ok(if carved.skipped.is_empty() && complete { Outcome::Done } else { Outcome::Skipped })
+}
+
+fn options(arguments: &Arguments) -> anyhow::Result<CarveOptions> {
+    let Some(shard) = arguments.shard else { return Ok(CarveOptions::default()) };
+    if arguments.mask_bias == "measure" {
+        return Err(hint(
+            anyhow::anyhow!("the bias of masks is measured on all models, and a part makes some"),
+            "measure it with `evaluate poses --mask-bias`, once a zoo is carved, and give the file",
+        ));
+    }
+    Ok(CarveOptions { made: (shard.count, shard.index - 1), ..Default::default() })
+}
+
+/// Writes the models: a part beside those of the others.
+fn save(zoo: &ModelZoo, arguments: &Arguments) -> anyhow::Result<()> {
+    if arguments.shard.is_none() {
+        return Ok(zoo.save(&arguments.out)?);
+    }
+    for model in &zoo.models {
+        ModelZoo::add_to(&arguments.out, &PartialModel::from(model))?;
+    }
+    Ok(())
 }
 
 fn zoo_of(carved: &Carved) -> ModelZoo {

@@ -88,7 +88,7 @@ impl Run {
     }
 
     fn scores(&self, method: usize) -> PoseScores {
-        summarize(self.of(method).iter().map(|row| row.outcome.scored))
+        summarize(self.of(method).iter().map(|row| row.scored))
     }
 }
 
@@ -148,7 +148,7 @@ fn tables(runs: &[Run]) -> Vec<Table> {
         .iter()
         .zip(&full.rows)
         .map(|(configuration, rows)| {
-            (configuration.name.clone(), summarize(rows.iter().map(|row| row.outcome.scored)))
+            (configuration.name.clone(), summarize(rows.iter().map(|row| row.scored)))
         })
         .collect();
     let mut tables = paper_tables(&scores);
@@ -185,7 +185,7 @@ fn tables(runs: &[Run]) -> Vec<Table> {
 /// Scores of a method by distance, occlusion and truncation.
 fn strata(run: &Run, method: usize) -> Vec<(String, PoseScores)> {
     let scored: Vec<(_, Scored)> =
-        run.of(method).iter().map(|row| (row.stratum, row.outcome.scored)).collect();
+        run.of(method).iter().map(|row| (row.stratum, row.scored)).collect();
     breakdown(&scored)
 }
 
@@ -218,7 +218,7 @@ fn by_stratum(run: &Run) -> Table {
 
 /// Median milliseconds a vehicle.
 fn milliseconds(rows: &[Row]) -> f64 {
-    let mut times: Vec<f64> = rows.iter().map(|row| 1e3 * row.outcome.seconds).collect();
+    let mut times: Vec<f64> = rows.iter().map(|row| 1e3 * row.seconds).collect();
     times.sort_by(f64::total_cmp);
     times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
 }
@@ -227,8 +227,8 @@ fn times(evaluated: &Evaluated) -> Table {
     let columns = ["", "median ms", "mean ms", "IoU of all %", "model %"];
     let mut table = Table::new("Time a vehicle, one thread, on the machine as it was", &columns);
     for (configuration, rows) in evaluated.configurations.iter().zip(&evaluated.rows) {
-        let scores = summarize(rows.iter().map(|row| row.outcome.scored));
-        let sum: f64 = rows.iter().map(|row| 1e3 * row.outcome.seconds).sum();
+        let scores = summarize(rows.iter().map(|row| row.scored));
+        let sum: f64 = rows.iter().map(|row| 1e3 * row.seconds).sum();
         let mut name = configuration.name.clone();
         let _ = write!(name, " ({0} x {0})", configuration.kernel);
         table.rows.push(vec![
@@ -323,10 +323,7 @@ fn time_series(full: &Evaluated) -> Vec<Series> {
         let points =
             full.configurations.iter().zip(&full.rows).filter(|(c, _)| group(&c.name) == i);
         let points = points.map(|(_, rows)| {
-            [
-                milliseconds(rows),
-                summarize(rows.iter().map(|row| row.outcome.scored)).mean_iou3d_all,
-            ]
+            [milliseconds(rows), summarize(rows.iter().map(|row| row.scored)).mean_iou3d_all]
         });
         Series::new(method, Mark::Dots, points.collect())
     });
@@ -343,7 +340,7 @@ fn kernel_series(full: &Evaluated) -> Vec<Series> {
             .filter(|(c, _)| !prefix.is_empty() && c.name.starts_with(prefix))
             .filter(|(c, _)| method != 0 || c.name.ends_with("RECT / CUB"))
             .map(|(c, rows)| {
-                let scores = summarize(rows.iter().map(|row| row.outcome.scored));
+                let scores = summarize(rows.iter().map(|row| row.scored));
                 [c.kernel as f64, scores.mean_iou3d_all]
             })
             .collect()

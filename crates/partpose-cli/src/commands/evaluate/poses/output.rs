@@ -9,6 +9,7 @@ use partpose::eval::{
 };
 use partpose::files;
 use partpose::pose::PoseEstimate;
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::{Arguments, Evaluated, uncertainty};
@@ -21,7 +22,7 @@ pub(super) fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Res
         .iter()
         .zip(&evaluated.rows)
         .map(|(configuration, rows)| {
-            (configuration.name.clone(), summarize(rows.iter().map(|row| row.outcome.scored)))
+            (configuration.name.clone(), summarize(rows.iter().map(|row| row.scored)))
         })
         .collect();
     let mut tables = if arguments.tables { paper_tables(&scores) } else { Vec::new() };
@@ -39,10 +40,7 @@ pub(super) fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Res
     }
     let detailed = evaluated.rows.len() - 1;
     let by = breakdown(
-        &evaluated.rows[detailed]
-            .iter()
-            .map(|row| (row.stratum, row.outcome.scored))
-            .collect::<Vec<_>>(),
+        &evaluated.rows[detailed].iter().map(|row| (row.stratum, row.scored)).collect::<Vec<_>>(),
     );
     let title = format!(
         "By distance, occlusion and truncation: {}",
@@ -51,8 +49,8 @@ pub(super) fn write(arguments: &Arguments, evaluated: &Evaluated) -> anyhow::Res
     tables.push(score_table(&title, &by));
     tables.extend(uncertainty::tables(evaluated));
     if arguments.parts {
-        let outcomes = evaluated.rows[detailed].iter().map(|row| &row.outcome.estimate);
-        let parts: Vec<_> = outcomes.flatten().map(|estimate| estimate.parts.as_slice()).collect();
+        let rows = evaluated.rows[detailed].iter();
+        let parts: Vec<_> = rows.map(|row| row.parts.as_slice()).collect();
         tables.push(part_table("Parts against the model", &parts));
     }
     let text = markdown(&tables);
@@ -86,7 +84,7 @@ fn write_metrics(
         .zip(&evaluated.configurations)
         .zip(&evaluated.rows)
         .map(|(((name, scores), configuration), rows)| {
-            let accuracies = || rows.iter().filter_map(|row| row.outcome.pixel_accuracy);
+            let accuracies = || rows.iter().filter_map(|row| row.pixel_accuracy);
             // NaN, which is `null`, without part masks.
             let accuracy = accuracies().sum::<f64>() / accuracies().count() as f64;
             json!({
@@ -102,7 +100,7 @@ fn write_metrics(
         .collect();
     let Some(object) = metrics.as_object_mut() else { bail!("scores are not an object") };
     object.insert("name".to_owned(), json!(scores[last].0));
-    object.insert("settings".to_owned(), settings(arguments, evaluated));
+    object.insert("settings".to_owned(), settings(arguments, &evaluated.detections));
     object.insert("skipped_frames".to_owned(), json!(evaluated.skipped));
     object.insert("rows".to_owned(), json!(rows));
     let by: Vec<_> = by.iter().map(|(name, s)| json!({ "name": name, "scores": s })).collect();
@@ -112,7 +110,7 @@ fn write_metrics(
 }
 
 /// What the scores depend on besides the rows' own options.
-fn settings(arguments: &Arguments, evaluated: &Evaluated) -> serde_json::Value {
+pub(super) fn settings(arguments: &Arguments, detections: &str) -> serde_json::Value {
     let name = |value: Option<clap::builder::PossibleValue>| {
         value.map_or(String::new(), |value| value.get_name().to_owned())
     };
@@ -124,7 +122,7 @@ fn settings(arguments: &Arguments, evaluated: &Evaluated) -> serde_json::Value {
         "fold": arguments.fold,
         "stride": arguments.selection.stride,
         "zoo": arguments.zoo.as_deref().unwrap_or("embedded"),
-        "detections": evaluated.detections,
+        "detections": detections,
         "min_score": arguments.source.min_score,
         "box": name(arguments.bounds.to_possible_value()),
         "degrade_to_pixel_accuracy": arguments.degrade,
@@ -133,10 +131,24 @@ fn settings(arguments: &Arguments, evaluated: &Evaluated) -> serde_json::Value {
     })
 }
 
+/// What the list of vehicles says of an estimate.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Estimated {
+    model: String,
+    reprojection_rmse: Option<f64>,
+    evidence: [String; 10],
+}
+
+impl Estimated {
+    pub(super) fn of(estimate: &PoseEstimate) -> Self {
+        let reprojection_rmse = estimate.reprojection_rmse;
+        Self { model: estimate.model.clone(), reprojection_rmse, evidence: evidence(estimate) }
+    }
+}
+
 /// The size, and what the dense fit rests its confidence on.
-fn evidence(estimate: Option<&PoseEstimate>) -> [String; 10] {
+fn evidence(estimate: &PoseEstimate) -> [String; 10] {
     let mut cells = [const { String::new() }; 10];
-    let Some(estimate) = estimate else { return cells };
     let number = |value: f64| format!("{value:.4}");
     let e = &estimate.extent;
     let [width, height, length] = [e.width, e.height, e.length].map(number);
@@ -196,22 +208,21 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
             row.sequence.clone(),
             row.frame.to_string(),
             row.track.map_or(String::new(), |track| track.to_string()),
-            (row.outcome.vehicle + 1).to_string(),
+            (row.vehicle + 1).to_string(),
             row.model.clone(),
             format!("{:.2}", row.stratum.depth),
             row.stratum.occluded.to_string(),
             row.stratum.truncated.to_string(),
-            row.outcome.pixel_accuracy.map_or(String::new(), |share| format!("{share:.4}")),
+            row.pixel_accuracy.map_or(String::new(), |share| format!("{share:.4}")),
         ];
-        match (&row.outcome.estimate, &row.outcome.scored) {
+        match (&row.estimate, &row.scored) {
             (Ok(estimate), Some(d)) => {
                 cells.push(estimate.model.clone());
                 let rmse = estimate.reprojection_rmse;
                 cells.push(rmse.map_or(String::new(), |rmse| format!("{rmse:.3}")));
                 let numbers = std::iter::once(d.iou3d).chain(d.translation).chain(d.rotation);
                 cells.extend(numbers.map(|value| format!("{value:.4}")));
-                let said =
-                    row.outcome.sureness.map(|s| [s.confidence, s.squared_error, s.depth_sd]);
+                let said = row.sureness.map(|s| [s.confidence, s.squared_error, s.depth_sd]);
                 match said {
                     Some(said) => cells.extend(said.map(|value| format!("{value:.4}"))),
                     None => cells.extend(std::iter::repeat_n(String::new(), 3)),
@@ -220,10 +231,13 @@ fn vehicle_list(evaluated: &Evaluated) -> Table {
             }
             (outcome, _) => {
                 cells.extend(std::iter::repeat_n(String::new(), 12));
-                cells.push(outcome.as_ref().err().map_or(String::new(), ToString::to_string));
+                cells.push(outcome.as_ref().err().cloned().unwrap_or_default());
             }
         }
-        cells.extend(evidence(row.outcome.estimate.as_ref().ok()));
+        match &row.estimate {
+            Ok(estimate) => cells.extend(estimate.evidence.clone()),
+            Err(_) => cells.extend([const { String::new() }; 10]),
+        }
         table.rows.push(cells);
     }
     table

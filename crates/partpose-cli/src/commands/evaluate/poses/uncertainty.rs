@@ -12,7 +12,7 @@ use super::{Arguments, Evaluated, Row};
 
 /// The statements of one configuration; nothing for fits that make none.
 pub(super) fn statements(rows: &[Row]) -> Vec<Sureness> {
-    rows.iter().filter_map(|row| row.outcome.sureness).collect()
+    rows.iter().filter_map(|row| row.sureness).collect()
 }
 
 /// The scores of one configuration; `None` for fits that say nothing of themselves.
