@@ -6,8 +6,6 @@
 //! costs is taken, in which a sighting without a vehicle has its price, too. A vehicle begins with a
 //! sighting that fits none, and ends when it was not seen for a while.
 
-use std::f64::consts::FRAC_PI_2;
-
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 
@@ -32,9 +30,6 @@ pub struct TrackOptions {
     pub min_iou: [f64; 2],
     /// What a sighting without a vehicle costs; one with a vehicle costs 0 to 2, half for its place, half for its box.
     pub alone: f64,
-    /// What it costs more if a sighting that is sure faces the other way than a vehicle of which that is sure: where one
-    /// car hides another, the next sighting may be of either.
-    pub turned: f64,
     /// Least score of a sighting with which a vehicle begins; others go on with one.
     pub start_score: f64,
     /// Longest time without a sighting, seconds.
@@ -50,7 +45,6 @@ impl Default for TrackOptions {
             gate: 16.0,
             min_iou: [0.1, 0.5],
             alone: 1.5,
-            turned: 0.7,
             start_score: 0.5,
             longest_gap: 1.0,
             least_sightings: 2,
@@ -177,19 +171,7 @@ impl Followed {
         let overlap = overlaps.fold(0.0, f64::max);
         let far = vehicle::distance(&self.motion, seen, &self.identity.extent()) / options.gate;
         let least = options.min_iou[usize::from(!(far <= 1.0))];
-        let turned = options.turned * self.against(seen);
-        (overlap >= least).then(|| far.min(1.0) + 1.0 - overlap + turned)
-    }
-
-    /// How surely a sighting faces the other way, 0 to 1.
-    fn against(&self, seen: &Observation) -> f64 {
-        let turn = self.motion.rotation.angle_to(&seen.cuboid.camera_from_vehicle.rotation);
-        if turn <= FRAC_PI_2 {
-            return 0.0;
-        }
-        // The mean of what its sightings say for the front that is believed, less what they say against it.
-        let own = self.heading.0 / f64::from(u32::try_from(self.sightings).unwrap_or(u32::MAX));
-        own.clamp(0.0, 1.0) * seen.confidence.clamp(0.0, 1.0)
+        (overlap >= least).then(|| far.min(1.0) + 1.0 - overlap)
     }
 
     fn take(&mut self, seen: &Observation, time: f64, options: &TrackOptions) {

@@ -18,9 +18,10 @@ use clap::ValueEnum;
 use partpose::dataset::folds::Folds;
 use partpose::dataset::{Dataset, Frame};
 use partpose::eval::model_names::ModelNames;
+use partpose::eval::uncertainty::Sureness;
 use partpose::eval::{
-    Configuration, EvaluationOptions, SceneProtocol, Scored, Stratum, Sureness, TruthExtent,
-    VehicleOutcome, evaluate_frames,
+    Configuration, EvaluationOptions, SceneProtocol, Scored, Stratum, TruthExtent, VehicleOutcome,
+    evaluate_frames,
 };
 use partpose::files;
 use partpose::labeling::Shard;
