@@ -86,7 +86,7 @@ pub(super) fn join(
     let missing = parts.iter().filter(|path| !path.exists()).count();
     if missing > 0 {
         note(format_args!(
-            "part {shard} is done; tables are written when the {missing} other parts are"
+            "part {shard} is done; missing: {missing}; the last to be done writes the tables"
         ));
         return Ok(false);
     }
