@@ -22,6 +22,10 @@ use crate::report::{Outcome, hint, note, warn, warn_error};
 const SHOWN: usize = 50;
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  partpose label --dataset kitti --zoo zoo --out labels
+  partpose label --dataset kitti --zoo zoo --shard 3/16 --out labels")]
 pub(crate) struct Arguments {
     /// Folder of the data set; its layout is recognised
     #[arg(long, value_name = "DIR")]

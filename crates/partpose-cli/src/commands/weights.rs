@@ -34,6 +34,9 @@ pub(crate) struct Export {
 }
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  partpose weights show run/weights.safetensors")]
 pub(crate) struct Show {
     /// Weights of ours
     #[arg(value_name = "FILE")]

@@ -97,4 +97,10 @@ fn completions_and_manual_pages_know_every_command() {
         let text = fs::read_to_string(folder.path().join(format!("man/{page}.1"))).unwrap();
         assert!(text.contains(".SH SYNOPSIS"), "{page}");
     }
+    for page in fs::read_dir(folder.path().join("man")).unwrap() {
+        let path = page.unwrap().path();
+        let text = fs::read_to_string(&path).unwrap();
+        let is_group = text.contains(".SH SUBCOMMANDS");
+        assert!(is_group || text.contains("Example"), "{} has no example", path.display());
+    }
 }

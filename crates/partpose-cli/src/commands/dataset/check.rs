@@ -12,6 +12,9 @@ use crate::report::{self, Outcome};
 const SHOWN: usize = 50;
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  partpose dataset check vkitti")]
 pub(crate) struct Arguments {
     /// Folder in the layout of Virtual KITTI 1.3.1 or 2.0.3 or KITTI object
     #[arg(value_name = "DIR")]

@@ -15,6 +15,9 @@ use super::scores::{self, Places};
 use crate::report::{Outcome, hint};
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  partpose evaluate a3dp --labels labels --results results --out scores")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     places: Places,

@@ -17,6 +17,9 @@ use super::scores::{self, Places};
 use crate::report::{Outcome, hint};
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  partpose evaluate bop --labels test --results results.csv --out scores")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     places: Places,

@@ -15,6 +15,9 @@ use crate::commands::export::with_coco_ids;
 use crate::report::{Outcome, hint};
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  partpose evaluate coco --labels instances.json --results results.json --out scores")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     places: Places,

@@ -12,6 +12,10 @@ use super::scores::{self, Places};
 use crate::report::{Outcome, hint};
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  partpose evaluate kitti --labels training/label_2 --results run --out scores
+  partpose evaluate kitti --labels training/label_2 --results run --subset --out scores")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     places: Places,

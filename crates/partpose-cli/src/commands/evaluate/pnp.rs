@@ -20,6 +20,9 @@ use crate::report::{self, Outcome};
 const BASELINE: &str = "baseline.json";
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  partpose evaluate pnp --problems problems --out scores")]
 pub(crate) struct Arguments {
     /// Folder with one `.safetensors` file per cell, and perhaps `baseline.json`
     #[arg(long, value_name = "DIR")]

@@ -109,7 +109,7 @@ fn comparison(runs: &[Run]) -> Table {
     for run in runs {
         let figures: Vec<Option<String>> = told.iter().map(|i| said(run, *i)).collect();
         if figures.iter().any(Option::is_some) {
-            let figures = figures.into_iter().map(|figure| figure.unwrap_or_default());
+            let figures = figures.into_iter().map(Option::unwrap_or_default);
             table.rows.push(std::iter::once(run.name.clone()).chain(figures).collect());
         }
     }

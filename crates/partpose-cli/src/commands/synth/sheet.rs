@@ -8,6 +8,9 @@ use super::advised;
 use crate::report::{Outcome, note};
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  partpose synth sheet world --out sheet")]
 pub(super) struct Arguments {
     /// Folder of a data set with images and part masks
     #[arg(value_name = "DIR")]

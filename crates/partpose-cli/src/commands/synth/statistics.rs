@@ -8,6 +8,9 @@ use partpose_synth::dataset::{statistics, statistics_beside, statistics_table};
 use crate::report::{self, Outcome};
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  partpose synth statistics world --against vkitti")]
 pub(super) struct Arguments {
     /// Folder of a data set with part masks
     #[arg(value_name = "DIR")]

@@ -9,6 +9,9 @@ use super::advised;
 use crate::report::{self, Outcome, note};
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  partpose synth verify world")]
 pub(super) struct Arguments {
     /// Folder that `partpose synth` wrote
     #[arg(value_name = "DIR")]

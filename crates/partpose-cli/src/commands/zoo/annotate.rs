@@ -22,6 +22,10 @@ const LOW: f64 = 0.6;
 
 #[expect(clippy::option_option, reason = "a flag whose value may be left out")]
 #[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  partpose zoo annotate zoo/hatchback.partial.glb --out zoo --report pictures
+  partpose zoo annotate --self-test")]
 pub(crate) struct Arguments {
     /// Model with faces without a part, as `zoo import` writes it
     #[arg(value_name = "MODEL", required_unless_present = "self_test")]

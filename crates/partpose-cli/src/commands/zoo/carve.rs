@@ -25,6 +25,11 @@ use crate::report::{self, Outcome, hint};
 const MEASURED: u32 = 3;
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  partpose zoo carve --dataset vkitti --worlds 0001 --out zoo-0001 --report carved
+  partpose zoo carve --dataset vkitti --worlds 0001,0018 --fold 1/4 --out zoo-1
+  partpose zoo carve --dataset vkitti --worlds 0001 --shard 2/8 --out zoo-0001")]
 pub(crate) struct Arguments {
     /// Folder of the data set
     #[arg(long, value_name = "DIR")]

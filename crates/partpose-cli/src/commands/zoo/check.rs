@@ -10,6 +10,9 @@ use partpose::vehicle::{ModelZoo, ZooError, from_partial_glb};
 use crate::report::{self, Outcome};
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  partpose zoo check zoo-0001")]
 pub(crate) struct Arguments {
     /// Folder of `.glb` files, or one such file; the embedded models, if not given
     #[arg(value_name = "ZOO")]

@@ -12,6 +12,9 @@ use crate::progress;
 use crate::report::{self, Outcome, hint, note};
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  partpose zoo compare --dataset vkitti --pairs sedan=Sedan4Door,hatchback=Hatchback")]
 pub(crate) struct Arguments {
     /// Folder of the data set
     #[arg(long, value_name = "DIR")]

@@ -12,6 +12,11 @@ use partpose::viz::{ContactSheetOptions, TurntableOptions, contact_sheet, turnta
 use crate::report::{self, Outcome, hint, note};
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  partpose zoo generate --list
+  partpose zoo generate --out zoo --report pictures
+  partpose zoo generate --from mine.toml --out zoo")]
 pub(crate) struct Arguments {
     /// Folder to write the models to
     #[arg(long, value_name = "ZOO")]

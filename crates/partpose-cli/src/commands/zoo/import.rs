@@ -21,6 +21,11 @@ const MAX_TOLD: usize = 20;
 
 #[derive(clap::Args)]
 #[command(group(clap::ArgGroup::new("what").required(true).args(["map", "list", "template"])))]
+#[command(after_help = "\
+Examples:
+  partpose zoo import hatchback.obj --list
+  partpose zoo import hatchback.obj --template > hatchback.toml
+  partpose zoo import hatchback.obj --map hatchback.toml --out zoo")]
 pub(crate) struct Arguments {
     /// Model to read: .glb, .gltf, .obj or .ply
     #[arg(value_name = "FILE")]

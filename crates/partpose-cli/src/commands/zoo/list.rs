@@ -10,6 +10,10 @@ use partpose::vehicle::VehicleModel;
 use crate::report::{self, Outcome};
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  partpose zoo list
+  partpose zoo list zoo-0001")]
 pub(crate) struct Arguments {
     /// Folder of `.glb` files, or one such file; the embedded models, if not given
     #[arg(value_name = "ZOO")]

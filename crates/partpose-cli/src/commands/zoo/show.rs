@@ -9,6 +9,10 @@ use partpose::viz::{TurntableOptions, turntable};
 use crate::report::{self, Outcome, hint};
 
 #[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  partpose zoo show --out pictures
+  partpose zoo show zoo-0001 --out pictures")]
 pub(crate) struct Arguments {
     /// Folder of `.glb` files, or one such file; the embedded models, if not given
     #[arg(value_name = "ZOO")]

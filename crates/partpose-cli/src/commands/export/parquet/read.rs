@@ -8,6 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use ::parquet::errors::ParquetError;
+use ::parquet::file::metadata::RowGroupMetaData;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use ::parquet::record::{Field, Row};
 use anyhow::{Context, bail};
@@ -102,11 +103,11 @@ fn rows(bytes: Vec<u8>) -> anyhow::Result<Vec<Values>> {
         ));
     }
     let groups = metadata.row_groups();
-    let sum = |of: fn(&::parquet::file::metadata::RowGroupMetaData) -> i64| {
+    let sum = |of: fn(&RowGroupMetaData) -> i64| {
         groups.iter().map(of).fold(0i64, |sum, one| sum.saturating_add(one.max(0)))
     };
-    if sum(|group| group.total_byte_size()) > MOST_BYTES
-        || sum(|group| group.num_rows()) > MOST_ROWS
+    if sum(RowGroupMetaData::total_byte_size) > MOST_BYTES
+        || sum(RowGroupMetaData::num_rows) > MOST_ROWS
     {
         bail!("it unpacks to more than 2 GiB or ten million rows");
     }
