@@ -9,12 +9,14 @@ use partpose::eval::pose_deviation;
 use partpose::geometry::{EulerAngles, Extent, Rect, Vector3};
 use partpose::oracle::{Degradation, Oracle, OracleOptions};
 use partpose::parts::{PartMask, PartProbabilities};
-use partpose::pose::dense::{DenseFlag, DensePriors, GravityPrior, GroundPrior, SizePrior};
+use partpose::pose::dense::{
+    DenseFlag, DenseOptions, DensePriors, GravityPrior, GroundPrior, SizePrior,
+};
 use partpose::pose::ground::GroundOptions;
 use partpose::pose::scene::{SceneDetection, SceneOptions, estimate_scene};
 use partpose::pose::{ExtentSource, NoPose, PnpMethod, PoseEstimator, PoseOptions};
 use partpose::render::render_labels;
-use partpose::vehicle::ModelZoo;
+use partpose::vehicle::{ModelZoo, ParametricVehicle};
 use street::{CAMERA, vehicle};
 
 /// The detection of the first vehicle of a street.
@@ -220,4 +222,65 @@ fn bad_detections_have_reasons_and_no_panic() {
     let found = fit(&hood).unwrap().dense.unwrap();
     assert!(found.flags.contains(&DenseFlag::PoorFit), "{found:?}");
     assert!(found.confidence < 0.5);
+}
+
+#[test]
+fn measures_of_a_vehicle_that_the_zoo_lacks_are_fitted() {
+    let between = ParametricVehicle::sedan().lerp(&ParametricVehicle::estate(), 0.4);
+    let foreign = ModelZoo { models: vec![between.build().unwrap()] };
+    let zoo = ModelZoo { models: vec![ParametricVehicle::sedan().build().unwrap()] };
+    let mut found = [false, true].map(|fit_shape| {
+        let dense = DenseOptions { fit_shape, ..Default::default() };
+        let method = PnpMethod::Dense;
+        let estimator =
+            PoseEstimator::new(&zoo, &PoseOptions { method, dense, ..Default::default() });
+        let label = vehicle(&foreign, 0, [0.5, 11.0], 1.9);
+        let detection = detection(&foreign, vec![label.clone()], None);
+        let extent = ExtentSource::Given(label.cuboid.extent);
+        let found = estimator.estimate(&CAMERA, &detection, &extent).unwrap();
+        (pose_deviation(&found.cuboid(), &label.cuboid, true).iou3d, found.dense.unwrap())
+    });
+    let [(plain_iou, plain), (iou, shaped)] = &mut found;
+    assert!(plain.shape.is_empty() && shaped.shape.len() > 4);
+    assert!(shaped.energy < 0.9 * plain.energy, "{} {}", plain.energy, shaped.energy);
+    assert!(*iou > *plain_iou - 0.02, "{plain_iou} {iou}");
+    assert!(shaped.shape.iter().all(|m| (m.value - m.of_model).abs() <= 3.01 * m.spread));
+    assert!(shaped.covariance.cholesky().is_some());
+}
+
+#[test]
+fn wheels_behind_a_guard_rail_do_not_move_the_vehicle() {
+    let zoo = ModelZoo { models: vec![ModelZoo::embedded().models.swap_remove(2)] };
+    let label = vehicle(&zoo, 0, [-6.0, 21.0], 2.7);
+    let mut frame =
+        Frame::new(SequenceId { world: "road".into(), variation: String::new() }, 0, CAMERA);
+    frame.vehicles = vec![label.clone()];
+    let mut image = render_labels(&CAMERA, &frame.instances(&zoo));
+    let width = image.size[0] as usize;
+    let rail = (label.bounds.y_max - 0.22 * label.bounds.height()) as usize;
+    image.parts[rail * width..].fill(0);
+    let parts = PartMask { origin: [0, 0], size: image.size, labels: image.parts };
+    let detection =
+        Oracle::new(&frame, parts, &zoo).detection(0, &OracleOptions::default()).unwrap();
+    let extent = ExtentSource::Given(label.cuboid.extent);
+    let found = estimator(&zoo).estimate(&CAMERA, &detection, &extent).unwrap();
+    let deviation = pose_deviation(&found.cuboid(), &label.cuboid, true);
+    assert!(deviation.iou3d > 0.85, "{deviation:?}");
+}
+
+#[test]
+fn a_van_owns_its_pixels_whether_masks_label_it_or_not() {
+    let zoo = ModelZoo { models: ModelZoo::embedded().models.into_iter().take(2).collect() };
+    let mut van = vehicle(&zoo, 1, [1.5, 13.0], 0.3);
+    van.category = "Van".to_owned();
+    let mut frame =
+        Frame::new(SequenceId { world: "road".into(), variation: String::new() }, 0, CAMERA);
+    frame.vehicles = vec![vehicle(&zoo, 0, [0.0, 9.0], 0.5), van];
+    let image = render_labels(&CAMERA, &frame.instances(&zoo));
+    for labelled in [true, false] {
+        let own = image.parts.iter().zip(&image.instances);
+        let labels = own.map(|(part, id)| if *id == 2 && !labelled { 0 } else { *part });
+        let parts = PartMask { origin: [0, 0], size: image.size, labels: labels.collect() };
+        assert_eq!(Oracle::new(&frame, parts, &zoo).owners(), image.instances, "{labelled}");
+    }
 }

@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::detection::Detection;
 use crate::geometry::{Camera, EulerAngles, Extent, Pose};
 use crate::parts::PartClass;
-use crate::pose::dense::{DenseFlag, DenseReport, DepthAndSize, ModeKind};
+use crate::pose::dense::{DenseFlag, DenseReport, DepthAndSize, ModeKind, ShapeMeasure};
 use crate::pose::{
     Candidate, NoPose, PartState, PartVerdict, PoseEstimate, PoseOptions, Reason, reasons,
 };
@@ -105,6 +105,9 @@ pub struct DenseResult {
     pub confidence: f64,
     /// What speaks against it.
     pub flags: Vec<DenseFlag>,
+    /// The vehicle's measures, where they were fitted.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub shape: Vec<ShapeMeasure>,
 }
 
 /// A part's state as JSON.
@@ -318,6 +321,7 @@ fn dense_result(estimate: &PoseEstimate, report: &DenseReport) -> DenseResult {
         }),
         confidence: report.confidence,
         flags: report.flags.clone(),
+        shape: report.shape.clone(),
     }
 }
 

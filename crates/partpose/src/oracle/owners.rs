@@ -9,14 +9,16 @@ use crate::parts::{BACKGROUND, PartMask};
 use crate::render::{Instance, render_labels};
 use crate::vehicle::{ModelZoo, VehicleModel};
 
+/// The category whose parts every mask shows.
+const CAR: &str = "Car";
 /// How far, in pixels, a part pixel may lie outside the drawn model that owns it.
 const REACH: usize = 4;
 
 /// One value a pixel: 0 for background, else 1 + the index of the vehicle.
 ///
-/// Vehicles that the masks leave out (vans, trucks) own the unlabelled pixels they cover: they hide what is behind.
+/// Vehicles that the masks leave out (vans and trucks in Virtual KITTI) own the unlabelled pixels they cover: they hide
+/// what is behind.
 pub(super) fn assign(frame: &Frame, parts: &PartMask, zoo: &ModelZoo) -> Vec<u16> {
-    let drawn = |vehicle: &VehicleLabel| vehicle.category == "Car";
     let instances: Vec<Instance> = frame
         .vehicles
         .iter()
@@ -32,17 +34,30 @@ pub(super) fn assign(frame: &Frame, parts: &PartMask, zoo: &ModelZoo) -> Vec<u16
         })
         .collect();
     let rendered = render_labels(&frame.camera, &instances).instances;
+    let labelled = labels_others(frame, parts, &rendered);
+    let has_parts = |vehicle: &VehicleLabel| labelled || vehicle.category == CAR;
     let mut owners: Vec<u16> = vec![0; rendered.len()];
     for ((owner, rendered), label) in owners.iter_mut().zip(&rendered).zip(&parts.labels) {
         if *rendered != 0
-            && drawn(&frame.vehicles[usize::from(*rendered) - 1]) == (*label != BACKGROUND)
+            && has_parts(&frame.vehicles[usize::from(*rendered) - 1]) == (*label != BACKGROUND)
         {
             *owner = *rendered;
         }
     }
     spread(&mut owners, parts);
-    claim_by_box(&mut owners, parts, frame);
+    claim_by_box(&mut owners, parts, frame, &has_parts);
     owners
+}
+
+/// Whether masks show the parts of vehicles that are no cars, too: most of what is drawn of them has labels.
+fn labels_others(frame: &Frame, parts: &PartMask, rendered: &[u16]) -> bool {
+    let mut counts = [0usize; 2];
+    for (rendered, label) in rendered.iter().zip(&parts.labels) {
+        if *rendered != 0 && frame.vehicles[usize::from(*rendered) - 1].category != CAR {
+            counts[usize::from(*label != BACKGROUND)] += 1;
+        }
+    }
+    counts[1] > counts[0]
 }
 
 /// The vehicle's own model, or the one nearest in size.
@@ -88,9 +103,14 @@ fn spread(owners: &mut [u16], parts: &PartMask) {
 }
 
 /// Gives what is left to the nearest vehicle whose box holds it.
-fn claim_by_box(owners: &mut [u16], parts: &PartMask, frame: &Frame) {
+fn claim_by_box(
+    owners: &mut [u16],
+    parts: &PartMask,
+    frame: &Frame,
+    has_parts: &dyn Fn(&VehicleLabel) -> bool,
+) {
     let mut by_depth: Vec<usize> =
-        (0..frame.vehicles.len()).filter(|i| frame.vehicles[*i].category == "Car").collect();
+        (0..frame.vehicles.len()).filter(|i| has_parts(&frame.vehicles[*i])).collect();
     let depth = |i: &usize| frame.vehicles[*i].cuboid.camera_from_vehicle.translation.z;
     by_depth.sort_by(|a, b| depth(a).total_cmp(&depth(b)));
     let width = parts.size[0] as usize;

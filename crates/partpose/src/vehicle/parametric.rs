@@ -199,6 +199,18 @@ impl ParametricVehicle {
         VehicleModel::new(&self.name, &self.category, &self.body_style, extent, mesh)
     }
 
+    /// The vehicle of [`Self::all`] that a model was built from; `None` for any other model.
+    ///
+    /// It is known by its name, its faces and its size, so that a model which was written to a file counts as well.
+    pub fn of(model: &VehicleModel) -> Option<Self> {
+        let vehicle = Self::all().into_iter().find(|vehicle| vehicle.name == model.name())?;
+        let built = vehicle.build().ok()?;
+        let is_near = (built.extent().to_vector() - model.extent().to_vector()).amax() < 1e-3
+            && (built.mesh().volume() - model.mesh().volume()).abs() < 1e-3
+            && built.mesh().faces.len() == model.mesh().faces.len();
+        is_near.then_some(vehicle)
+    }
+
     /// Longitudinal position of the foremost point; the origin is half-way to the rearmost one.
     fn nose(&self) -> f64 {
         0.5 * self.length

@@ -59,12 +59,16 @@ pub fn explain(explanation: &Explanation) -> RgbImage {
     let mut canvas = Canvas::new([WIDTH, height as u32], palette::MARGIN);
     canvas.text([GAP, 9], explanation.title, TextStyle::plain(palette::TEXT));
     let close = CloseUp::new(explanation, PANEL);
-    let estimate = explanation.outcome.as_ref().ok();
+    let found = match explanation.truth {
+        Some(_) => "the fit's parts; mask white, true cuboid green",
+        None => "the fit's parts; the mask's outline is white",
+    };
+    let above = above::caption(explanation);
     let pictures = [
-        (close.mask(), "what the detector says: parts by colour"),
-        (close.fit(), "the model where it was found, mask outlined"),
+        (close.mask(), "what the detector says: parts, its box yellow"),
+        (close.fit(), found),
         (close.residual(), "residual: yellow contradicts, blue is unknown"),
-        (above::picture(explanation, PANEL), above::caption(estimate)),
+        (above::picture(explanation, PANEL), above.as_str()),
     ];
     for (i, (picture, caption)) in pictures.iter().enumerate() {
         let at = [GAP + i as i32 * (PANEL[0] + GAP), HEADER];

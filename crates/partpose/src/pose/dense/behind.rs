@@ -9,6 +9,7 @@ use super::hypotheses::Outline;
 use super::lm::Workspace;
 use super::models::{self, Candidate, Hypothesis, LEVELS, Pyramid, Search};
 use super::occluders::{self, Hidden};
+use super::robust;
 use super::target::Target;
 
 /// Weight of background while it is not believed.
@@ -65,6 +66,12 @@ pub(super) fn without_hidden(
         view.target = &target;
         let effort = &LEVELS[fine].effort;
         let descent = work.descend(&view, &best.scored.state, effort, f64::INFINITY);
+        best.scored = descent.end;
+        best.converged = descent.converged;
+    }
+    let candidate = &candidates[start.model];
+    if let Some(descent) = robust::descend(work, pyramid, candidate, (&target, &best.scored.state))
+    {
         best.scored = descent.end;
         best.converged = descent.converged;
     }

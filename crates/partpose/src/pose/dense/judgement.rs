@@ -10,6 +10,7 @@ use serde::Serialize;
 use crate::geometry::{Camera, Extent, Pose, Rect, Vector3, wrap_angle};
 
 use super::models::{self, Hypothesis, LEVELS, NEIGHBOURS};
+use super::shape::ShapeMeasure;
 use super::state::State;
 
 /// How much more energy, as a share of the best and in cells besides, makes a hypothesis e times less likely.
@@ -72,7 +73,7 @@ pub enum DenseFlag {
     NotConverged,
     /// A second pose has a probability above 0.1.
     AmbiguousPose,
-    /// The best model has a probability below 0.5.
+    /// The best model has a probability below 0.7.
     AmbiguousModel,
     /// A part of the vehicle is nearer than a metre or behind the camera.
     TooNear,
@@ -143,6 +144,9 @@ pub struct DenseReport {
     pub confidence: f64,
     /// What speaks against it.
     pub flags: Vec<DenseFlag>,
+    /// The measures that were fitted beside pose and size; none unless asked for (`DenseOptions::fit_shape`), and none
+    /// where the model's own are as good.
+    pub shape: Vec<ShapeMeasure>,
     /// Pictures that were drawn to find it.
     pub pictures: usize,
 }
@@ -339,7 +343,7 @@ impl Suspicion {
             (e.energy > POOR || e.overshoot > POOR_OVERSHOOT, DenseFlag::PoorFit),
             (!self.converged, DenseFlag::NotConverged),
             (e.mode < 0.9, DenseFlag::AmbiguousPose),
-            (e.model < 0.5, DenseFlag::AmbiguousModel),
+            (e.model < 0.7, DenseFlag::AmbiguousModel),
             (self.nearest < 1.0, DenseFlag::TooNear),
             (self.size_deviation > 3.0, DenseFlag::SizeAtPriorLimit),
             (self.ground_deviation > 4.0, DenseFlag::OffGround),

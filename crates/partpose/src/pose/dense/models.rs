@@ -12,6 +12,7 @@ use super::bias::{MaskBias, SampleGrid};
 use super::hypotheses::{HEADINGS, Outline, from_centers, upright};
 use super::lm::{Descent, Effort, Scored, View, Workspace};
 use super::priors::Terms;
+use super::shape::ShapeModel;
 use super::state::State;
 use super::target::Target;
 use super::unit_mesh::UnitMesh;
@@ -60,10 +61,12 @@ pub(super) struct DenseModel {
     pub(super) vertices: Vec<Vector3>,
     /// Centres of the parts, half-extent units.
     centers: PartMap<Point3>,
+    /// Where the shape is fitted, too.
+    pub(super) shape: Option<ShapeModel>,
 }
 
 impl DenseModel {
-    pub(super) fn new(model: &VehicleModel) -> Self {
+    pub(super) fn new(model: &VehicleModel, fit_shape: bool) -> Self {
         let extent = model.extent();
         let mesh = |level: &Level| UnitMesh::new(&simplified(model.mesh(), level.faces), &extent);
         let meshes = LEVELS.each_ref().map(mesh);
@@ -72,7 +75,8 @@ impl DenseModel {
         let up = Vector3::new(0.0, side.y, 0.0);
         let centers = model_centers(model, Center3d::Mass)
             .map(|_, center| Point3::from((center.coords + up).component_div(&side)));
-        Self { extent, meshes, vertices, centers }
+        let shape = fit_shape.then(|| ShapeModel::new(model)).flatten();
+        Self { extent, meshes, vertices, centers, shape }
     }
 }
 

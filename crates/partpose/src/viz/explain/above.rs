@@ -5,6 +5,7 @@ use nalgebra::{Matrix2, SymmetricEigen};
 use crate::files::RgbImage;
 use crate::geometry::{Cuboid, Point2, Point3};
 use crate::pose::PoseEstimate;
+use crate::pose::dense::SecondMode;
 use crate::viz::canvas::{Canvas, Pen, TextStyle};
 use crate::viz::scene::palette;
 
@@ -19,15 +20,36 @@ const ELLIPSE: [u8; 3] = [90, 200, 255];
 /// Metres that are shown at least and at most, across.
 const SPAN: [f64; 2] = [9.0, 60.0];
 
-/// What the picture shows, in words.
-pub(super) fn caption(estimate: Option<&PoseEstimate>) -> &'static str {
-    match estimate {
-        Some(estimate) if estimate.dense.is_some() => {
-            "from above: white found, blue 95 %, orange second"
-        }
-        Some(_) => "from above: the estimate",
-        None => "no pose",
-    }
+/// Characters that fit under the picture.
+const CHARACTERS: usize = 49;
+
+/// What the picture shows, in which colours.
+pub(super) fn caption(explanation: &Explanation) -> String {
+    let Ok(estimate) = explanation.outcome else { return "no pose".to_owned() };
+    let drawn = [
+        (true, "fit white"),
+        (explanation.truth.is_some(), "truth green"),
+        (spread(estimate).is_some(), "95 % blue"),
+        (second(estimate).is_some(), "second orange"),
+    ];
+    let drawn: Vec<&str> =
+        drawn.iter().filter(|(drawn, _)| *drawn).map(|(_, what)| *what).collect();
+    let colours = drawn.join(", ");
+    let whole = format!("from above: {colours}");
+    if whole.len() > CHARACTERS { colours } else { whole }
+}
+
+/// The second mode, where it is drawn.
+fn second(estimate: &PoseEstimate) -> Option<SecondMode> {
+    let second = estimate.dense.as_ref().and_then(|report| report.second_mode);
+    second.filter(|second| second.probability >= NEGLIGIBLE)
+}
+
+/// Covariance of the centre's place across and ahead, square metres; `None` where none is stated.
+fn spread(estimate: &PoseEstimate) -> Option<Matrix2<f64>> {
+    let c = &estimate.dense.as_ref()?.covariance;
+    let spread = Matrix2::new(c[(3, 3)], c[(3, 5)], c[(5, 3)], c[(5, 5)]);
+    Some(spread).filter(|spread| spread.iter().all(|value| value.is_finite()))
 }
 
 /// From metres to pixels: the vehicle's surroundings, the camera below.
@@ -57,11 +79,7 @@ pub(super) fn picture(explanation: &Explanation, size: [i32; 2]) -> RgbImage {
     let Ok(estimate) = explanation.outcome else { return canvas.into_rgb() };
     let cuboid = estimate.cuboid();
     let center = cuboid.center();
-    let spread = estimate.dense.as_ref().map(|report| {
-        let c = &report.covariance;
-        Matrix2::new(c[(3, 3)], c[(3, 5)], c[(5, 3)], c[(5, 5)])
-    });
-    let spread = spread.filter(|spread| spread.iter().all(|value| value.is_finite()));
+    let spread = spread(estimate);
     let reach = spread.map_or(0.0, |s| (RADIUS * s[(0, 0)].max(s[(1, 1)])).sqrt());
     let away = explanation.truth.map_or(0.0, |truth| (truth.center() - center).norm());
     let span = (2.4 * reach.max(away) + 1.6 * cuboid.extent.length).clamp(SPAN[0], SPAN[1]);
@@ -77,8 +95,7 @@ pub(super) fn picture(explanation: &Explanation, size: [i32; 2]) -> RgbImage {
     canvas.line(&map.at(0.0, 0.0), &map.at(center.x, center.z), pen([70, 76, 88], 1.0));
     canvas.fill(&map.footprint(&cuboid), palette::with_opacity(palette::PREDICTED, 90));
     heading(&mut canvas, &map, &cuboid, pen(palette::PREDICTED, 1.4));
-    let second = estimate.dense.as_ref().and_then(|report| report.second_mode);
-    if let Some(second) = second.filter(|second| second.probability >= NEGLIGIBLE) {
+    if let Some(second) = second(estimate) {
         let extent = second.extent;
         let other = Cuboid { camera_from_vehicle: second.camera_from_vehicle, extent };
         canvas.outline(&map.footprint(&other), pen(SECOND, 1.2));
