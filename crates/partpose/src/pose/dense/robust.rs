@@ -2,9 +2,11 @@
 //!
 //! There the mask says background where the vehicle is, and no cell lies deep enough inside it for `occluders` to begin at.
 //! As a quadratic term it pulls the outline to where the mask ends, and the seams inside, which fit at the true pose alone,
-//! give way a little everywhere. So the fit goes on with the Geman-McClure loss on such cells (iteratively reweighted least
-//! squares; Geman and McClure 1987, Holland and Welsch 1977): a few that contradict wholly cost less than many that
-//! contradict a little. What shows the vehicle where nothing is drawn keeps its weight.
+//! give way a little everywhere. So the fit goes on with the `Geman-McClure` loss on such cells (iteratively reweighted least
+//! squares; Holland and Welsch 1977): a few that contradict wholly cost less than many that
+//! contradict a little. What shows the vehicle where nothing is drawn keeps its weight, so that the drawn outline comes to
+//! lie a little outside the mask's: right where masks are too small, wrong where that was measured and is allowed for
+//! ([`super::MaskBias`]), and so not done there.
 
 use super::jacobian::fraction;
 use super::lm::{Descent, View, Workspace};
@@ -20,7 +22,8 @@ const ROUNDS: usize = 2;
 /// What must contradict for it to be worth while, as a share of the mask.
 const LEAST: f64 = 0.01;
 
-/// Goes on from a state on the finest level; `None` where little background lies inside the vehicle. The energy of what is
+/// Goes on from a state on the finest level; `None` where little background lies inside the vehicle, and where the bias of
+/// masks is known. The energy of what is
 /// found is that of `target`, not of the weights on the way, and may be higher than the start's.
 pub(super) fn descend(
     work: &mut Workspace,
@@ -30,6 +33,9 @@ pub(super) fn descend(
 ) -> Option<Descent> {
     let fine = LEVELS.len() - 1;
     let view = View { target, ..pyramid.view(fine, candidate) };
+    if view.grid.bias.is_some() {
+        return None;
+    }
     let mut softer = target.clone();
     let mut found: Option<Descent> = None;
     for _ in 0..ROUNDS {
