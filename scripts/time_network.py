@@ -4,16 +4,23 @@
 The same ResNet-18 with a pyramid of 128 channels on strides 8 to 128, anchors, 100 proposals (300 in training), 64
 samples, heads of the same layers, 30 channels of masks, 10 detections. Both start from random weights and see noise with
 six bright boxes. torchvision's inference includes what it does after the heads but for the pasting of masks into the
-image, which ours leaves to others.
+image, which ours leaves to others. With onnxruntime installed the same network is timed by it too, as `partpose export
+onnx` writes it.
 
     cargo build --release --workspace --examples
     python3 scripts/time_network.py target/release/examples/step [--rounds 3]
+
+Processes run one after the other, in turns; the first two runs of each are left out. Other work on the machine lengthens
+wall times more than processor times, and both of all alike: the ratios hold within a tenth or so.
 """
 import argparse
+import importlib.util
 import os
 import re
+import statistics
 import subprocess
 import sys
+import tempfile
 import time
 
 THREADS = 2
@@ -77,7 +84,7 @@ def theirs(what, width, height, count, rounds):
             optimizer.zero_grad()
             total.backward()
             optimizer.step()
-            return float(total)
+            return len(known)
         return len(found[0]["boxes"])
 
     net.train(what == "training")
@@ -85,15 +92,55 @@ def theirs(what, width, height, count, rounds):
         for _ in range(rounds):
             begin, used = time.time(), time.process_time()
             result = run()
-            print(f"{what} all {1e3 * (time.time() - begin):.0f} (processor {1e3 * (time.process_time() - used):.0f}) ms, {result}")
+            print(f"{what} all {1e3 * (time.time() - begin):.0f} (processor {1e3 * (time.process_time() - used):.0f}) ms, {result} found")
+    tell_memory()
+
+
+def onnx(path, width, height, rounds):
+    """ONNX Runtime on our network as `partpose export onnx` writes it."""
+    import numpy as np
+    import onnxruntime
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = THREADS
+    session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+    rng = np.random.default_rng(1)
+    image = rng.normal(110, 20, (1, 3, height, width)).clip(0, 255).astype(np.float32)
+    for _ in range(6):
+        w = int(rng.integers(30, min(160, width // 3)))
+        h = w * 2 // 3
+        x, y = int(rng.integers(0, width - w)), int(rng.integers(0, height - h))
+        image[:, :, y:y + h, x:x + w] = 210
+    for _ in range(rounds):
+        begin, used = time.time(), time.process_time()
+        found = session.run(["scores"], {"image": image})
+        print(f"inference {1e3 * (time.time() - begin):.0f} (processor {1e3 * (time.process_time() - used):.0f}) ms, {len(found[0])} found")
+    tell_memory()
+
+
+def tell_memory():
     print("peak memory", re.search(r"VmHWM:\s*(\d+)", open("/proc/self/status").read())[1], "kB")
 
 
-def best(text):
-    """Least wall and processor time, ms, without the first round; peak memory, MB."""
-    times = [tuple(map(float, t)) for t in re.findall(r"(?:all|inference) (\d+) \(processor (\d+)\) ms", text)][1:]
-    memory, unit = re.search(r"peak memory (\d+) (\w+)", text).groups()
-    return min(t[0] for t in times), min(t[1] for t in times), float(memory) / (1000 if unit == "kB" else 1)
+def measure(command):
+    """Wall and processor times of each run, ms, without the first two of a process; peak memory, MB; what was found."""
+    threads = dict(os.environ, RAYON_NUM_THREADS=str(THREADS), OMP_NUM_THREADS=str(THREADS))
+    run = subprocess.run(command, env=threads, capture_output=True, text=True)
+    if run.returncode:
+        sys.exit(f"{' '.join(command)} failed:\n{run.stderr[-2000:]}")
+    times = [tuple(map(float, t)) for t in re.findall(r"(?:all|inference) (\d+) \(processor (\d+)\) ms", run.stdout)][2:]
+    memory, unit = re.search(r"peak memory (\d+) (\w+)", run.stdout).groups()
+    found = re.findall(r"ms, (\d+) found", run.stdout)
+    return times, float(memory) / (1000 if unit == "kB" else 1), found[-1] if found else ""
+
+
+def row(name, runs, base=None):
+    """A line of the table: medians of all runs and the ratios to the first line's."""
+    median = lambda k: statistics.median(t[k] for times, _, _ in runs for t in times)
+    values = [median(0), median(1), max(memory for _, memory, _ in runs)]
+    ratios = ["" if base is None else f" ({value / of:.2f})" for value, of in zip(values, base or values)]
+    cells = " | ".join(f"{value:.0f}{ratio}" for value, ratio in zip(values, ratios))
+    print(f"| {name} | {cells} | {runs[-1][2]} |", flush=True)
+    return values
 
 
 def main():
@@ -101,23 +148,32 @@ def main():
     flags.add_argument("ours")
     flags.add_argument("--rounds", type=int, default=3)
     flags.add_argument("--repeat", type=int, default=6)
-    flags.add_argument("--case", nargs=5)
+    flags.add_argument("--case", nargs="+", help=argparse.SUPPRESS)
     args = flags.parse_args()
+    if args.case and args.case[0].endswith(".onnx"):
+        return onnx(args.case[0], *map(int, args.case[1:3]), args.repeat)
     if args.case:
-        return theirs(args.case[0], *map(int, args.case[1:]))
-    threads = dict(os.environ, RAYON_NUM_THREADS=str(THREADS), OMP_NUM_THREADS=str(THREADS))
-    output = lambda command: subprocess.run(command, env=threads, check=True, capture_output=True, text=True).stdout
-    print("| | ours: wall, processor ms, peak MB | torchvision | ratio of processor times |\n|---|---|---|---|")
-    for case in CASES:
-        own, other = [], []
-        numbers = list(map(str, case[1:]))
-        for _ in range(args.rounds):
-            own.append(best(output([args.ours, str(args.repeat), case[0], *numbers])))
-            other.append(best(output([sys.executable, __file__, args.ours, "--case", case[0], *numbers, str(args.repeat)])))
-        a, b = ([min(column) for column in zip(*rows)] for rows in (own, other))
-        name = f"{case[0]}, {case[3]} x {case[1]} x {case[2]}"
-        print(f"| {name} | {a[0]:.0f}, {a[1]:.0f}, {a[2]:.0f} | {b[0]:.0f}, {b[1]:.0f}, {b[2]:.0f} | {a[1] / b[1]:.2f} |", flush=True)
-    print(f"\nload {os.getloadavg()[0]:.1f}")
+        return theirs(args.case[0], *map(int, args.case[1:]), args.repeat)
+    again = lambda *case: [sys.executable, __file__, args.ours, "--repeat", str(args.repeat), "--case", *map(str, case)]
+    loads = []
+    print("| medians (ratio to torchvision) | wall, ms | processor, ms | peak memory, MB | found |\n|---|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as folder:
+        for what, *sizes in CASES:
+            commands = {"torchvision": again(what, *sizes), "ours": [args.ours, str(args.repeat), what, *map(str, sizes)]}
+            if what == "inference" and importlib.util.find_spec("onnxruntime"):
+                path = f"{folder}/network.onnx"
+                subprocess.run([args.ours, "1", path, *map(str, sizes)], check=True)
+                commands["ours by ONNX Runtime"] = again(path, *sizes)
+            runs = {name: [] for name in commands}
+            for _ in range(args.rounds):
+                for name, command in commands.items():
+                    runs[name].append(measure(command))
+                    loads.append(os.getloadavg()[0])
+            title = f"{what}, {sizes[2]} x {sizes[0]} x {sizes[1]}: "
+            base = row(title + "torchvision", runs.pop("torchvision"))
+            for name, measured in runs.items():
+                row(name, measured, base)
+    print(f"\nload {min(loads):.1f} to {max(loads):.1f}")
 
 
 if __name__ == "__main__":

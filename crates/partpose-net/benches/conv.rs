@@ -25,7 +25,7 @@ fn tensors(layer: [usize; 7], device: &Device) -> [Tensor<4>; 2] {
 }
 
 fn run(layer: [usize; 7], own: bool, train: bool) {
-    let device = if train { Device::default().autodiff() } else { Device::default() };
+    let device = if train { Device::flex().autodiff() } else { Device::flex() };
     let [input, weight] = tensors(layer, &device);
     let [k, s] = [layer[5], layer[6]];
     let [input, weight] =

@@ -1,5 +1,7 @@
 //! Times training steps and inferences, and tells the peak memory:
-//! `cargo run --release -p partpose-net --example step -- [COUNT [training|inference [WIDTH HEIGHT IMAGES]]]`.
+//! `cargo run --release -p partpose-net --example step -- [COUNT [training|inference [WIDTH HEIGHT IMAGES [KERNEL]]]]`.
+//!
+//! `COUNT FILE.onnx [WIDTH HEIGHT IMAGES]` writes the network for other runtimes instead.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 use std::time::Instant;
@@ -9,7 +11,7 @@ use burn::module::Module;
 use burn::optim::momentum::MomentumConfig;
 use burn::optim::{GradientsParams, SgdConfig};
 use burn::tensor::{Device, TensorData};
-use partpose_net::{MaskRcnn, NetConfig, Target};
+use partpose_net::{MaskRcnn, NetConfig, Target, onnx};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -77,13 +79,20 @@ fn main() {
     // As many masks as a street has vehicles; a network of so few steps finds one everywhere.
     let mut config = NetConfig::default();
     config.boxes.max_detections = 10;
+    if let Some(kernel) = number(5) {
+        config.parts.kernel = kernel;
+    }
     let sizes = match (number(2), number(3), number(4)) {
         (Some(width), Some(height), Some(count)) => vec![(count, [width, height])],
         _ => vec![(2, [640, 192]), (1, [1248, 384])],
     };
     for (count, size) in sizes {
-        let device = Device::default().autodiff();
+        let device = Device::flex().autodiff();
         let mut net = config.init(&device, 1);
+        if let Some(file) = arguments.get(1).filter(|what| what.ends_with(".onnx")) {
+            std::fs::write(file, onnx::export(&net.valid(), Some(size)).unwrap()).unwrap();
+            return;
+        }
         let (images, targets) = batch(count, size, &device);
         if wanted("training") {
             net = train(net, &images, &targets, steps);

@@ -94,7 +94,7 @@ pub fn load(path: &Path) -> Result<Checkpoint, WeightsError> {
         .map_err(|source| WeightsError::BadConfig { path: path.to_owned(), source })?;
     let step = metadata.get(STEP_KEY).and_then(|step| step.parse().ok()).ok_or_else(none)?;
     // The order is that of a network of this configuration.
-    let net = config.net.init(&burn::tensor::Device::default(), 0);
+    let net = config.net.init(&burn::tensor::Device::flex(), 0);
     let mut take = |kind: &str, own: &Values| {
         let name = format!("{kind}/{}", own.name);
         let found = tensors.remove(&name).ok_or_else(|| WeightsError::Missing {

@@ -120,7 +120,7 @@ impl Fill {
 
 #[test]
 fn residual_networks_agree() {
-    let device = Device::default();
+    let device = Device::flex();
     let step = StageStep { stride: 2, dilation: 1 };
     let expected = fixtures();
     for (kind, expected) in
@@ -148,7 +148,7 @@ fn residual_networks_agree() {
 
 #[test]
 fn pyramids_agree() {
-    let device = Device::default();
+    let device = Device::flex();
     let mut fpn = Fpn::init(&mut Init::new(&device, 1), &[8, 16, 32], 8, HeadNorm::None, 0);
     let mut fill = Fill(0);
     for blocks in [&mut fpn.inner_blocks, &mut fpn.layer_blocks] {
@@ -166,7 +166,7 @@ fn pyramids_agree() {
 
 #[test]
 fn part_predictors_agree() {
-    let device = Device::default();
+    let device = Device::flex();
     let mut config = NetConfig::default();
     config.parts.convs = 0;
     config.parts.kernel = 10;
@@ -184,7 +184,7 @@ fn part_predictors_agree() {
 
 #[test]
 fn normalisation_and_its_gradients_agree() {
-    let device = Device::default().autodiff();
+    let device = Device::flex().autodiff();
     let expected = fixtures().normalisation;
     let shape = [2, 6, 5, 7];
     let input = tensor(shape, 1000, &device).require_grad();
@@ -214,7 +214,7 @@ fn regions_agree() {
     let regions = [(1, [2.0, 1.0, 9.0, 8.0]), (0, [-4.0, 3.0, 15.5, 40.0]), (0, [3.0; 4])]
         .map(|(image, corners)| Region { image, level: 0, corners })
         .to_vec();
-    let maps = [tensor([2, 3, 6, 9], 1000, &Device::default())];
+    let maps = [tensor([2, 3, 6, 9], 1000, &Device::flex())];
     let found = to_host(read_regions(&maps, &[0.5], regions, 3, Sampling::Align(2)));
     check("regions", &some(&found), &fixtures().regions);
 }

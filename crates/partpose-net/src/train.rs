@@ -328,7 +328,7 @@ impl State {
     /// The network with the averaged weights.
     fn averaged(&self) -> MaskRcnn {
         let average = &self.checkpoint.average;
-        let net = self.checkpoint.config.net.init(&Device::default(), 0);
+        let net = self.checkpoint.config.net.init(&Device::flex(), 0);
         put_in(net, |i| Some(&average[i].values))
     }
 

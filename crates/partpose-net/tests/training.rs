@@ -54,7 +54,7 @@ fn run(
     begin: Begin,
     until: u64,
 ) -> Result<Outcome, TrainError> {
-    let device = Device::default().autodiff();
+    let device = Device::flex().autodiff();
     let mut resumed = 0;
     let end = train::train(data, config, folder, (begin, &device), &mut |event| match event {
         Event::Resumed { step } => {
@@ -173,7 +173,7 @@ fn a_frame_that_cannot_be_read_is_told_and_another_stands_in() {
     let items = Arc::get_mut(&mut data.training).unwrap();
     items[1].frame.image = Some("nowhere.png".into());
     let folder = tempfile::tempdir().unwrap();
-    let device = Device::default().autodiff();
+    let device = Device::flex().autodiff();
     let mut problems = Vec::new();
     let begin = (Begin::Scratch, &device);
     let end = train::train(&data, &config(), folder.path(), begin, &mut |event| {

@@ -22,7 +22,7 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [file, image] = [&arguments[0], &arguments[1]];
     let times: usize = arguments.get(2).map_or(8, |times| times.parse().unwrap());
-    let net = weights::load(Path::new(file), &Device::default()).unwrap();
+    let net = weights::load(Path::new(file), &Device::flex()).unwrap();
     let image = partpose::files::read_rgb(Path::new(image)).unwrap();
     let mut mapping = Mapping::default();
     let input = net.config().input;

@@ -99,7 +99,7 @@ fn the_shipped_network_is_the_same_in_both_engines() {
     if !has_library() || !path.is_file() {
         return;
     }
-    let net = weights::load(&path, &Device::default()).unwrap();
+    let net = weights::load(&path, &Device::flex()).unwrap();
     let images = ["1001", "2001", "3001", "4001"].map(sample);
     assert!(check(&net, &images) >= 20);
 }
@@ -110,7 +110,7 @@ fn an_image_that_shows_nothing_has_nothing_in_both() {
     if !has_library() || !path.is_file() {
         return;
     }
-    let net = weights::load(&path, &Device::default()).unwrap();
+    let net = weights::load(&path, &Device::flex()).unwrap();
     let grey = RgbImage { size: [100, 70], pixels: vec![128; 3 * 100 * 70] };
     assert_eq!(check(&net, &[grey]), 0);
 }
@@ -146,7 +146,7 @@ fn every_configuration_is_exported() {
         (60..151).flat_map(|y| whole.pixels[3 * (y * 621 + 20)..][..3 * 197].to_vec()).collect();
     let image = RgbImage { size: [197, 91], pixels: part };
     for config in [fine, c4, atrous, heads, deep, large] {
-        let net = config.init(&Device::default(), 3);
+        let net = config.init(&Device::flex(), 3);
         assert!(check(&net, std::slice::from_ref(&image)) > 0, "{config:?}");
     }
 }
@@ -154,6 +154,6 @@ fn every_configuration_is_exported() {
 #[test]
 fn group_normalisation_is_refused() {
     let config = NetConfig { norm: NormKind::Group, ..NetConfig::default() };
-    let error = onnx::export(&config.init(&Device::default(), 1), None).unwrap_err();
+    let error = onnx::export(&config.init(&Device::flex(), 1), None).unwrap_err();
     assert!(error.to_string().contains("group normalisation"), "{error}");
 }

@@ -82,7 +82,7 @@ fn load(path: Option<&Path>) -> PyResult<Detector> {
         None => SHIPPED.unwrap_or_default(),
     };
     let name = path.unwrap_or(Path::new("the shipped weights"));
-    let device = burn::tensor::Device::default();
+    let device = burn::tensor::Device::flex();
     let net = weights::from_bytes(name, bytes, &device).map_err(|error| guard::error(&error))?;
     let kernel = net.config().parts.kernel;
     Ok(Detector { inner: Box::new(partpose_net::Detector::new(&net)), kernel })

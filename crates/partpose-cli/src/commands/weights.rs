@@ -51,7 +51,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Outcome> {
 }
 
 fn export(arguments: &Export) -> anyhow::Result<Outcome> {
-    let net = weights::load(&arguments.weights, &Device::default())?;
+    let net = weights::load(&arguments.weights, &Device::flex())?;
     let precision = if arguments.half { Precision::Half } else { Precision::Single };
     let bytes = weights::encode(&weights::read_out(&net), net.config(), precision);
     files::write(&arguments.out, &bytes)?;
@@ -60,7 +60,7 @@ fn export(arguments: &Export) -> anyhow::Result<Outcome> {
 }
 
 fn show(arguments: &Show) -> anyhow::Result<Outcome> {
-    let net = weights::load(&arguments.weights, &Device::default())?;
+    let net = weights::load(&arguments.weights, &Device::flex())?;
     let mut text = toml::to_string_pretty(net.config())?;
     let tensors = weights::read_out(&net);
     let count: usize = tensors.iter().map(|tensor| tensor.values.len()).sum();

@@ -65,7 +65,7 @@ fn weights_that_do_not_fit_are_named_with_tensor_and_shape() {
     use partpose_net::weights::{self, Precision};
     let folder = tempfile::tempdir().unwrap();
     let mut config = partpose_net::NetConfig::default();
-    let net = config.init(&burn::tensor::Device::default(), 1);
+    let net = config.init(&burn::tensor::Device::flex(), 1);
     config.rpn.channels = 64;
     let bytes = weights::encode(&weights::read_out(&net), &config, Precision::Half);
     fs::write(folder.path().join("w.safetensors"), &bytes).unwrap();

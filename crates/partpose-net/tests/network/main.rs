@@ -24,7 +24,7 @@ fn value(loss: &Tensor<1>) -> f32 {
 
 /// One step and one detection of a configuration.
 fn check(config: &NetConfig) {
-    let device = Device::default().autodiff();
+    let device = Device::flex().autodiff();
     let net = config.init(&device, 1);
     let (images, targets) = scenes::batch(1, &device);
     let losses = losses_of(&net, &images, &targets);
@@ -109,7 +109,7 @@ fn the_papers_configuration_survives_its_file() {
 
 #[test]
 fn images_without_vehicles_teach_background_only() {
-    let device = Device::default().autodiff();
+    let device = Device::flex().autodiff();
     let config = small();
     let net = config.init(&device, 1);
     let (images, _) = scenes::batch(1, &device);
@@ -130,7 +130,7 @@ fn the_same_seed_gives_the_same_losses_on_any_number_of_threads() {
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let device = Device::default().autodiff();
+            let device = Device::flex().autodiff();
             let config = small();
             let mut net = config.init(&device, 5);
             let (images, targets) = scenes::batch(2, &device);
@@ -150,7 +150,7 @@ fn the_same_seed_gives_the_same_losses_on_any_number_of_threads() {
 
 #[test]
 fn two_images_are_learnt_by_heart() {
-    let device = Device::default().autodiff();
+    let device = Device::flex().autodiff();
     let mut config = small();
     config.boxes.score_threshold = 0.5;
     let mut net = config.init(&device, 1);

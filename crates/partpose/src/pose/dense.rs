@@ -28,6 +28,7 @@ mod uncertainty;
 mod unit_mesh;
 mod vector;
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::detection::Detection;

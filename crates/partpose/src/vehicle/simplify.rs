@@ -85,23 +85,42 @@ struct Collapser {
     stamps: Vec<u32>,
     faces: Vec<[u32; 3]>,
     alive: Vec<bool>,
+    /// Faces that are alive.
+    left: usize,
     around: Vec<Vec<u32>>,
     heap: BinaryHeap<Reverse<Candidate>>,
 }
 
 /// Collapses edges until at most `most` faces are left in the half; `labels` belong to the faces, or are empty.
 pub(crate) fn simplify(half: &HalfMesh, labels: &[u8], most: usize) -> (HalfMesh, Vec<u8>) {
-    Collapser::new(half, labels, true).run(labels, most)
+    let mut collapser = Collapser::new(half, labels, true);
+    collapser.run(most);
+    collapser.half(labels)
 }
 
-/// A mesh with at most `most` faces, where the rules of collapsing allow it; the mirror plane has no part in it.
-pub(crate) fn simplify_mesh(mesh: &Mesh, most: usize) -> Mesh {
-    let on_plane = vec![false; mesh.vertices.len()];
-    let whole = HalfMesh { vertices: mesh.vertices.clone(), on_plane, faces: mesh.faces.clone() };
-    let labels: Vec<u8> = mesh.parts.iter().map(|part| part.id()).collect();
-    let (whole, labels) = Collapser::new(&whole, &labels, false).run(&labels, most);
-    let parts = labels.into_iter().filter_map(PartClass::from_id).collect();
-    Mesh { vertices: whole.vertices, faces: whole.faces, parts }
+/// A mesh that loses more and more of its faces; the mirror plane has no part in it.
+pub(crate) struct Simplifier {
+    collapser: Collapser,
+    labels: Vec<u8>,
+}
+
+impl Simplifier {
+    pub(crate) fn new(mesh: &Mesh) -> Self {
+        let on_plane = vec![false; mesh.vertices.len()];
+        let (vertices, faces) = (mesh.vertices.clone(), mesh.faces.clone());
+        let labels: Vec<u8> = mesh.parts.iter().map(|part| part.id()).collect();
+        let whole = HalfMesh { vertices, on_plane, faces };
+        Self { collapser: Collapser::new(&whole, &labels, false), labels }
+    }
+
+    /// The mesh with at most `most` faces, where the rules of collapsing allow it: the same whether it had more of them
+    /// at first or has been made simpler before.
+    pub(crate) fn down_to(&mut self, most: usize) -> Mesh {
+        self.collapser.run(most);
+        let (whole, labels) = self.collapser.half(&self.labels);
+        let parts = labels.into_iter().filter_map(PartClass::from_id).collect();
+        Mesh { vertices: whole.vertices, faces: whole.faces, parts }
+    }
 }
 
 impl Collapser {
@@ -148,6 +167,7 @@ impl Collapser {
             stamps: vec![0; count],
             faces: half.faces.clone(),
             alive: vec![true; half.faces.len()],
+            left: half.faces.len(),
             around,
             heap: BinaryHeap::new(),
         };
@@ -158,16 +178,14 @@ impl Collapser {
     }
 
     /// Collapses the cheapest edge again and again until at most `most` faces are left.
-    fn run(mut self, labels: &[u8], most: usize) -> (HalfMesh, Vec<u8>) {
-        let mut left = self.faces.len();
-        while left > most {
+    fn run(&mut self, most: usize) {
+        while self.left > most {
             let Some(Reverse(candidate)) = self.heap.pop() else { break };
             let [a, b] = candidate.edge.map(|n| n as usize);
             if [self.stamps[a], self.stamps[b]] == candidate.stamps {
-                left -= self.collapse(a, b);
+                self.left -= self.collapse(a, b);
             }
         }
-        self.finish(labels)
     }
 
     fn push(&mut self, a: u32, b: u32) {
@@ -281,7 +299,8 @@ impl Collapser {
         turned || shape(&after, &new) < LEAST_SHAPE.min(0.9 * shape(&before, &old))
     }
 
-    fn finish(self, labels: &[u8]) -> (HalfMesh, Vec<u8>) {
+    /// What is left, and its labels.
+    fn half(&self, labels: &[u8]) -> (HalfMesh, Vec<u8>) {
         let mut half = HalfMesh::default();
         let mut kept = Vec::new();
         let mut index = vec![u32::MAX; self.vertices.len()];
@@ -358,5 +377,23 @@ pub(crate) fn refine(half: &HalfMesh, longest: f64) -> HalfMesh {
             }
         }
         mesh.faces = faces;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::ModelZoo;
+
+    #[test]
+    fn a_mesh_is_the_same_in_one_go_and_step_by_step() {
+        let zoo = ModelZoo::embedded();
+        let mesh = zoo.models[0].mesh();
+        let mut simplifier = Simplifier::new(mesh);
+        for most in [3000, 800, 250] {
+            let step = simplifier.down_to(most);
+            assert_eq!(step, Simplifier::new(mesh).down_to(most));
+            assert!(step.faces.len() <= most, "{}", step.faces.len());
+        }
     }
 }

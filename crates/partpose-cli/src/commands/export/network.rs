@@ -42,7 +42,7 @@ fn parse_size(text: &str) -> Result<Size, String> {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let (net, name, _) = load_weights(arguments.weights.as_deref(), &Device::default())?;
+    let (net, name, _) = load_weights(arguments.weights.as_deref(), &Device::flex())?;
     let bytes = onnx::export(&net, arguments.size.map(|size| size.0))?;
     files::write(&arguments.out, &bytes)?;
     let out = arguments.out.display();

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use crate::geometry::{Camera, Extent, Point3, Vector3};
 use crate::parts::PartMap;
 use crate::pose::{Center3d, model_centers};
-use crate::vehicle::simplify::simplify_mesh;
+use crate::vehicle::simplify::Simplifier;
 use crate::vehicle::{Mesh, VehicleModel};
 
 use super::bias::{MaskBias, SampleGrid};
@@ -68,8 +68,8 @@ pub(super) struct DenseModel {
 impl DenseModel {
     pub(super) fn new(model: &VehicleModel, fit_shape: bool) -> Self {
         let extent = model.extent();
-        let mesh = |level: &Level| UnitMesh::new(&simplified(model.mesh(), level.faces), &extent);
-        let meshes = LEVELS.each_ref().map(mesh);
+        let [coarse, middle, fine] = simplified(model.mesh(), LEVELS.map(|level| level.faces));
+        let meshes = [coarse, middle, fine].map(|mesh| UnitMesh::new(&mesh, &extent));
         let vertices = meshes[0].vertices().collect();
         let side = extent.to_vector() * 0.5;
         let up = Vector3::new(0.0, side.y, 0.0);
@@ -84,17 +84,31 @@ impl DenseModel {
 /// bring about.
 const MOST_CHANGE: f64 = 0.03;
 
-/// The mesh with about so many faces, or more where fewer would be another shape: tangled meshes collapse badly.
-fn simplified(mesh: &Mesh, faces: usize) -> Mesh {
-    let mut most = faces;
-    while most < mesh.faces.len() {
-        let simple = simplify_mesh(mesh, most);
-        if is_alike(mesh, &simple) {
-            return simple;
-        }
-        most *= 2;
+/// The mesh with about so many faces each, the least first, or more where fewer would be another shape: tangled meshes
+/// collapse badly.
+fn simplified<const N: usize>(mesh: &Mesh, faces: [usize; N]) -> [Mesh; N] {
+    let mut simplifier = Simplifier::new(mesh);
+    let mut meshes = faces.map(|_| None);
+    for (most, found) in faces.iter().zip(&mut meshes).rev() {
+        *found = alike(&mut simplifier, mesh, *most);
     }
-    mesh.clone()
+    let more = |most: usize| {
+        let double = |most: &usize| Some(2 * most);
+        let counts = std::iter::successors(Some(2 * most), double);
+        let mut counts = counts.take_while(|most| *most < mesh.faces.len());
+        counts.find_map(|most| alike(&mut Simplifier::new(mesh), mesh, most))
+    };
+    let mut faces = faces.into_iter();
+    meshes.map(|found| {
+        let most = faces.next().unwrap_or_default();
+        found.or_else(|| more(most)).unwrap_or_else(|| mesh.clone())
+    })
+}
+
+/// The mesh with about so many faces, if it has more, and if that is the same shape.
+fn alike(simplifier: &mut Simplifier, mesh: &Mesh, most: usize) -> Option<Mesh> {
+    let simple = (most < mesh.faces.len()).then(|| simplifier.down_to(most));
+    simple.filter(|simple| is_alike(mesh, simple))
 }
 
 fn is_alike(mesh: &Mesh, simple: &Mesh) -> bool {
