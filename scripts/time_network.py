@@ -102,6 +102,7 @@ def onnx(path, width, height, rounds):
     import onnxruntime
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = THREADS
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     rng = np.random.default_rng(1)
     image = rng.normal(110, 20, (1, 3, height, width)).clip(0, 255).astype(np.float32)
@@ -123,8 +124,10 @@ def tell_memory():
 
 def measure(command):
     """Wall and processor times of each run, ms, without the first two of a process; peak memory, MB; what was found."""
-    threads = dict(os.environ, RAYON_NUM_THREADS=str(THREADS), OMP_NUM_THREADS=str(THREADS))
-    run = subprocess.run(command, env=threads, capture_output=True, text=True)
+    # Threads that wait must sleep: spinning on a busy machine would count as their work.
+    environment = dict(os.environ, RAYON_NUM_THREADS=str(THREADS), OMP_NUM_THREADS=str(THREADS),
+                       OMP_WAIT_POLICY="passive", GOMP_SPINCOUNT="0", KMP_BLOCKTIME="0")
+    run = subprocess.run(command, env=environment, capture_output=True, text=True)
     if run.returncode:
         sys.exit(f"{' '.join(command)} failed:\n{run.stderr[-2000:]}")
     times = [tuple(map(float, t)) for t in re.findall(r"(?:all|inference) (\d+) \(processor (\d+)\) ms", run.stdout)][2:]

@@ -83,8 +83,14 @@ pub(crate) fn parse_angle(text: &str) -> Result<f64, String> {
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     // What was typed is checked before the network is made ready.
     let inputs = inputs::collect(&arguments.images, arguments.shard)?;
-    let network = Network::load(arguments.weights.as_deref(), &arguments.engine)?;
-    run_with(arguments, &inputs, &network.identity, &mut |image| network.detect(image))
+    // Either has a core to itself for most of its time.
+    let (network, fitter) = rayon::join(
+        || Network::load(arguments.weights.as_deref(), &arguments.engine),
+        || Fitter::new(&arguments.fit, &arguments.out, false),
+    );
+    let (network, fitter) = (network?, fitter?);
+    let mut detect = |image: &RgbImage| network.detect(image);
+    run_with(arguments, &inputs, (&network.identity, &mut detect), &fitter)
 }
 
 /// The detector: an image to what it shows.
@@ -101,24 +107,22 @@ struct Seen<'a> {
 fn run_with(
     arguments: &Arguments,
     inputs: &[Input],
-    weights: &str,
-    detect: Detect,
+    (weights, detect): (&str, Detect),
+    fitter: &Fitter,
 ) -> anyhow::Result<Outcome> {
     let cameras = match &arguments.camera {
         Some(path) => Cameras::load(path)?,
         None => Cameras::guess(arguments.fov.to_radians()),
     };
-    let fitter = Fitter::new(&arguments.fit, &arguments.out, false)?;
     files::create_folder(&arguments.out)?;
-    record::settle(arguments, weights, &fitter)?;
+    record::settle(arguments, weights, fitter)?;
     let (done, open): (Vec<&Input>, Vec<&Input>) =
-        inputs.iter().partition(|input| arguments.resume && is_done(arguments, &fitter, input));
+        inputs.iter().partition(|input| arguments.resume && is_done(arguments, fitter, input));
     let bar = progress::bar("images", open.len() as u64);
     let mut unreadable = 0;
     let mut guesses = [0usize; 2];
     let counts = thread::scope(|scope| {
         let (send, receive) = sync_channel::<Seen>(WAITING);
-        let fitter = &fitter;
         let worker = scope.spawn(move || -> anyhow::Result<Counts> {
             let mut counts = Counts::default();
             for seen in receive {
@@ -152,7 +156,7 @@ fn run_with(
     bar.finish_and_clear();
     let counts = counts?;
     tell_guesses(arguments, guesses);
-    follow(arguments, inputs, &cameras, &fitter)?;
+    follow(arguments, inputs, &cameras, fitter)?;
     if open.len() == unreadable && done.is_empty() {
         anyhow::bail!("none of the {unreadable} images could be done");
     }

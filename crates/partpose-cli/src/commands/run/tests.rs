@@ -20,7 +20,7 @@ fn run_in(folder: &Path, more: &[&str]) -> (anyhow::Result<Outcome>, usize) {
     let arguments = Typed::parse_from(typed).arguments;
     let inputs = inputs::collect(&arguments.images, arguments.shard).unwrap();
     let mut calls = 0;
-    let outcome = run_with(&arguments, &inputs, "test", &mut |image| {
+    let mut detect = |image: &RgbImage| {
         calls += 1;
         let [width, height] = image.size.map(f64::from);
         let mut values = vec![0.0; CHANNELS * 4];
@@ -30,7 +30,10 @@ fn run_in(folder: &Path, more: &[&str]) -> (anyhow::Result<Outcome>, usize) {
             Detection::new(Rect::new(0.0, 0.0, width, height), score, probabilities)
         };
         Ok(vec![found(0.9), found(0.1)])
-    });
+    };
+    let fitter = Fitter::new(&arguments.fit, &arguments.out, false);
+    let outcome =
+        fitter.and_then(|fitter| run_with(&arguments, &inputs, ("test", &mut detect), &fitter));
     (outcome, calls)
 }
 
