@@ -2,7 +2,6 @@
 
 mod camera;
 mod commands;
-mod device;
 mod network;
 mod pose_flags;
 mod progress;
