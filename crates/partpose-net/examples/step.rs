@@ -1,7 +1,7 @@
 //! Times training steps and inferences, and tells the peak memory:
 //! `cargo run --release -p partpose-net --example step -- [COUNT [training|inference [WIDTH HEIGHT IMAGES [KERNEL]]]]`.
 //!
-//! `COUNT FILE.onnx [WIDTH HEIGHT IMAGES]` writes the network for other runtimes instead.
+//! `COUNT FILE.onnx WIDTH HEIGHT IMAGES` writes the network for other runtimes instead.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 use std::time::Instant;
@@ -75,6 +75,7 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let number = |i: usize| arguments.get(i).map(|n| n.parse::<usize>().unwrap());
     let steps = number(0).unwrap_or(5);
+    let modes = ["training", "inference"];
     let wanted = |what: &str| arguments.get(1).is_none_or(|asked| asked == what);
     // As many masks as a street has vehicles; a network of so few steps finds one everywhere.
     let mut config = NetConfig::default();
@@ -89,7 +90,7 @@ fn main() {
     for (count, size) in sizes {
         let device = Device::flex().autodiff();
         let mut net = config.init(&device, 1);
-        if let Some(file) = arguments.get(1).filter(|what| what.ends_with(".onnx")) {
+        if let Some(file) = arguments.get(1).filter(|what| !modes.contains(&what.as_str())) {
             std::fs::write(file, onnx::export(&net.valid(), Some(size)).unwrap()).unwrap();
             return;
         }
