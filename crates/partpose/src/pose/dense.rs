@@ -106,7 +106,7 @@ pub(super) struct DenseFit {
 impl DenseZoo {
     pub(super) fn new(zoo: &ModelZoo, options: &DenseOptions) -> Self {
         let names = zoo.models.iter().map(|model| model.name().to_owned());
-        let models = zoo.models.iter().map(|model| DenseModel::new(model, options.fit_shape));
+        let models = zoo.models.par_iter().map(|model| DenseModel::new(model, options.fit_shape));
         Self { models: models.collect(), names: names.collect(), options: *options }
     }
 
