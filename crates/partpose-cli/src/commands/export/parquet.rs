@@ -172,23 +172,27 @@ mod tests {
     use partpose::formats::{PosedTrack, PosedVehicle};
     use partpose::geometry::{Camera, Cuboid, Extent, Pose, Rect};
 
-    #[test]
-    fn every_vehicle_is_a_row() {
-        let cuboid = Cuboid {
-            camera_from_vehicle: Pose::translation(1.0, 1.5, 20.0),
-            extent: Extent::new(1.8, 1.5, 4.4),
-        };
-        let vehicle = PosedVehicle {
+    fn vehicle() -> PosedVehicle {
+        PosedVehicle {
             model: "sedan".to_owned(),
             category: "Car".to_owned(),
             bounds: Rect::new(0.0, 1.0, 9.0, 10.0),
             score: 0.75,
-            cuboid,
+            cuboid: Cuboid {
+                camera_from_vehicle: Pose::translation(1.0, 1.5, 20.0),
+                extent: Extent::new(1.8, 1.5, 4.4),
+            },
             confidence: Some(0.5),
             covariance: None,
             reprojection_rmse: None,
             track: None,
-        };
+        }
+    }
+
+    #[test]
+    fn every_vehicle_is_a_row() {
+        let vehicle = vehicle();
+        let cuboid = vehicle.cuboid;
         let track = PosedTrack { id: 7, model: "van".to_owned(), cuboid, covariance: None };
         let followed = PosedVehicle { track: Some(track), ..vehicle.clone() };
         let camera = Camera::pinhole(700.0, [600.0, 180.0], [1242, 375]);
@@ -229,21 +233,7 @@ mod tests {
 
     #[test]
     fn a_table_that_is_damaged_or_another_is_refused() {
-        let cuboid = Cuboid {
-            camera_from_vehicle: Pose::translation(1.0, 1.5, 20.0),
-            extent: Extent::new(1.8, 1.5, 4.4),
-        };
-        let vehicle = PosedVehicle {
-            model: "sedan".to_owned(),
-            category: "Car".to_owned(),
-            bounds: Rect::new(0.0, 1.0, 9.0, 10.0),
-            score: 0.75,
-            cuboid,
-            confidence: None,
-            covariance: None,
-            reprojection_rmse: None,
-            track: None,
-        };
+        let vehicle = vehicle();
         let camera = Camera::pinhole(700.0, [600.0, 180.0], [1242, 375]);
         let image = PosedImage { image: "a.png".to_owned(), camera, vehicles: vec![vehicle; 3] };
         let bytes = encode(&[image]).unwrap();

@@ -1,10 +1,9 @@
 //! The definitions of the messages, as a file carries them: the message, then all that it is made of.
 
-/// `sensor_msgs/msg/CompressedImage`.
-pub(super) const COMPRESSED_IMAGE: &str = "\
-std_msgs/Header header
-string format
-uint8[] data
+/// What each of them is made of, too.
+macro_rules! header {
+    () => {
+        "\
 ================================================================================
 MSG: std_msgs/Header
 builtin_interfaces/Time stamp
@@ -13,10 +12,23 @@ string frame_id
 MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
-";
+"
+    };
+}
+
+/// `sensor_msgs/msg/CompressedImage`.
+pub(super) const COMPRESSED_IMAGE: &str = concat!(
+    "\
+std_msgs/Header header
+string format
+uint8[] data
+",
+    header!()
+);
 
 /// `sensor_msgs/msg/CameraInfo`.
-pub(super) const CAMERA_INFO: &str = "\
+pub(super) const CAMERA_INFO: &str = concat!(
+    "\
 std_msgs/Header header
 uint32 height
 uint32 width
@@ -28,14 +40,9 @@ float64[12] p
 uint32 binning_x
 uint32 binning_y
 sensor_msgs/RegionOfInterest roi
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
+",
+    header!(),
+    "\
 ================================================================================
 MSG: sensor_msgs/RegionOfInterest
 uint32 x_offset
@@ -43,20 +50,17 @@ uint32 y_offset
 uint32 height
 uint32 width
 bool do_rectify
-";
+"
+);
 
 /// `vision_msgs/msg/Detection3DArray`.
-pub(super) const DETECTIONS: &str = "\
+pub(super) const DETECTIONS: &str = concat!(
+    "\
 std_msgs/Header header
 vision_msgs/Detection3D[] detections
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
+",
+    header!(),
+    "\
 ================================================================================
 MSG: vision_msgs/Detection3D
 std_msgs/Header header
@@ -99,4 +103,5 @@ MSG: geometry_msgs/Vector3
 float64 x
 float64 y
 float64 z
-";
+"
+);
