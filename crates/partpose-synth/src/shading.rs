@@ -8,6 +8,7 @@
 mod contact;
 pub(crate) mod depth_map;
 mod environment;
+mod hidden;
 mod labels;
 mod leaves;
 mod mirror;
