@@ -105,11 +105,10 @@ pub fn render(scene: &Scene, options: &RenderOptions) -> Rendered {
     let environment =
         options.surroundings.then(|| surroundings::of_scene(scene, &bounds, &lighting));
     lighting.environment = environment.as_ref().unwrap_or(&plain);
-    let mut color = pixels::shade(camera, &seen, &triangles, &visibility, &lighting);
+    let (mut color, water) = pixels::shade(camera, &seen, &triangles, &visibility, &lighting);
     if scene.air.wetness > 0.0 {
         let step = if options.surroundings { 1 } else { 2 };
-        let water = pixels::wet(camera, &seen, &triangles, &visibility, &lighting, step);
-        mirror::add(camera, &lighting, &water, &mut color);
+        mirror::add(camera, &lighting, &visibility, (step, &water), &mut color);
     }
 
     let labels = labels::draw(scene, &seen, &triangles, &visibility);

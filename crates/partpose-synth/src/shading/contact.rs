@@ -125,18 +125,23 @@ pub(super) fn openness(blocks: &Blocks, place: &V) -> f32 {
 
 /// Share of the cosine-weighted hemisphere that a rectangle at a height covers.
 fn rectangle([x, z]: [f32; 2], [half_x, half_z]: [f32; 2], height: f32) -> f32 {
-    let corner = |a: f32, b: f32| {
-        let [ra, rb] = [a, b].map(|side| (side * side + height * height).sqrt());
-        (a / ra * arc_tangent(b / ra) + b / rb * arc_tangent(a / rb)) * (0.5 / std::f32::consts::PI)
+    // Each with 1 over its distance from the edge's line.
+    let sides = [-half_x - x, half_x - x, -half_z - z, half_z - z]
+        .map(|side| (side, 1.0 / (side * side + height * height).sqrt()));
+    let corner = |(a, over_a): (f32, f32), (b, over_b): (f32, f32)| {
+        a * over_a * arc_tangent(b * over_a) + b * over_b * arc_tangent(a * over_b)
     };
-    let [x0, x1, z0, z1] = [-half_x - x, half_x - x, -half_z - z, half_z - z];
-    corner(x1, z1) - corner(x0, z1) - corner(x1, z0) + corner(x0, z0)
+    let [x0, x1, z0, z1] = sides;
+    let sum = corner(x1, z1) - corner(x0, z1) - corner(x1, z0) + corner(x0, z0);
+    sum * (0.5 / std::f32::consts::PI)
 }
 
 /// To 0.004 rad, several times faster than the exact one.
 fn arc_tangent(x: f32) -> f32 {
-    let near = |x: f32| x * (0.9724 - 0.1919 * x * x);
-    if x.abs() <= 1.0 { near(x) } else { std::f32::consts::FRAC_PI_2.copysign(x) - near(1.0 / x) }
+    let is_near = x.abs() <= 1.0;
+    let y = if is_near { x } else { 1.0 / x };
+    let angle = y * (0.9724 - 0.1919 * y * y);
+    if is_near { angle } else { std::f32::consts::FRAC_PI_2.copysign(x) - angle }
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use partpose::geometry::Camera;
 use rayon::prelude::*;
 
+use super::raster::Visibility;
 use super::surface::Lighting;
 
 type V = Vector3<f32>;
@@ -16,31 +17,29 @@ type V = Vector3<f32>;
 /// Steps along a ray; they grow with the distance.
 const STEPS: usize = 28;
 
-/// Where water mirrors.
-pub(super) struct Water {
-    /// Side of the blocks of pixels that are mirrored as one.
-    pub(super) step: usize,
-    /// 1 / z at pixel centres.
-    pub(super) inverse_depths: Vec<f32>,
-    /// How much the first pixel of a block mirrors; `None` for every pixel that is no ground.
-    pub(super) shares: Vec<Option<f32>>,
-}
-
 /// Exchanges, in `color`, the mirrored surroundings of wet pixels by what stands behind them.
-pub(super) fn add(camera: &Camera, lighting: &Lighting, water: &Water, color: &mut [[f32; 3]]) {
+///
+/// `water`: how much of each pixel mirrors, `None` for what is no ground; of blocks of `step` x `step` pixels the first
+/// counts for all.
+pub(super) fn add(
+    camera: &Camera,
+    lighting: &Lighting,
+    visibility: &Visibility,
+    (step, water): (usize, &[Option<f32>]),
+    color: &mut [[f32; 3]],
+) {
     let width = camera.size[0] as usize;
-    let Water { step, inverse_depths, shares } = water;
     let old = color.to_vec();
     let view = View {
         camera_from_world: lighting.world_from_camera.transpose(),
         size: camera.size.map(|side| side as f32),
         focal: camera.focal.map(|f| f as f32),
         center: camera.principal_point.map(|c| c as f32),
-        inverse_depths,
+        visibility,
     };
     let change = |i: usize| {
-        let inverse_depth = inverse_depths[i];
-        let share = shares[i].filter(|share| *share > 0.0 && inverse_depth > 0.0)?;
+        let share = water[i].filter(|share| *share > 0.0)?;
+        let inverse_depth = view.inverse_depth(i % width, i / width);
         let ray = view.ray((i % width) as f32, (i / width) as f32);
         let from = ray / inverse_depth;
         let to_eye = lighting.world_from_camera * -ray.normalize();
@@ -53,11 +52,11 @@ pub(super) fn add(camera: &Camera, lighting: &Lighting, water: &Water, color: &m
     };
     color.par_chunks_mut((width * step).max(1)).enumerate().for_each(|(block, rows)| {
         let start = block * step * width;
-        for x in (0..width).step_by(*step) {
+        for x in (0..width).step_by(step) {
             let Some(change) = change(start + x) else { continue };
             for row in (0..rows.len()).step_by(width) {
                 for i in row + x..row + (x + step).min(width) {
-                    if shares[start + i].is_some() {
+                    if water[start + i].is_some() {
                         for (value, change) in rows[i].iter_mut().zip(change.iter()) {
                             *value = (*value + change).max(0.0);
                         }
@@ -73,10 +72,16 @@ struct View<'a> {
     size: [f32; 2],
     focal: [f32; 2],
     center: [f32; 2],
-    inverse_depths: &'a [f32],
+    visibility: &'a Visibility,
 }
 
 impl View<'_> {
+    /// At a pixel's centre.
+    fn inverse_depth(&self, x: usize, y: usize) -> f32 {
+        let v = self.visibility;
+        v.inverse_depths[(y * v.size[0] + x) * v.rate]
+    }
+
     fn ray(&self, x: f32, y: f32) -> V {
         V::new((x - self.center[0]) / self.focal[0], (y - self.center[1]) / self.focal[1], 1.0)
     }
@@ -109,15 +114,16 @@ impl View<'_> {
             if !(x >= 0.0 && y >= 0.0 && x < self.size[0] && y < self.size[1]) {
                 return None;
             }
-            let i = y as usize * self.size[0] as usize + x as usize;
-            let seen = self.inverse_depths[i];
+            let [x, y] = [x as usize, y as usize];
+            let seen = self.inverse_depth(x, y);
             if seen <= 0.0 {
                 continue;
             }
             let behind = p.z - 1.0 / seen;
             if behind > 0.0 {
                 // Far behind means that the ray passes there unseen.
-                return (behind < 2.5 * length + 0.3).then_some(i);
+                return (behind < 2.5 * length + 0.3)
+                    .then_some(y * self.size[0] as usize + x);
             }
         }
         None

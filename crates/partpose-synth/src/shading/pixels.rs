@@ -8,36 +8,36 @@ use nalgebra::Vector3;
 use partpose::geometry::Camera;
 use rayon::prelude::*;
 
-use crate::scene::SegmentClass;
-
-use super::mirror::Water;
 use super::raster::{NOTHING, Visibility};
-use super::surface::{Facet, Lighting, Spot};
+use super::surface::{Facet, Light, Lighting, Spot};
 use super::visible::{Seen, Triangle, Triangles};
 
 type V = Vector3<f32>;
 
-/// Linear RGB, pixel by pixel.
+/// Linear RGB, pixel by pixel, and how much of each pixel's centre is a mirror of water: `None` for what is no ground.
 pub(super) fn shade(
     camera: &Camera,
     seen: &[Seen],
     triangles: &Triangles,
     visibility: &Visibility,
     lighting: &Lighting,
-) -> Vec<[f32; 3]> {
+) -> (Vec<[f32; 3]>, Vec<Option<f32>>) {
     let [width, height] = camera.size.map(|side| side as usize);
     let rate = visibility.rate;
     let sky = SkyGrid::new(camera, visibility, lighting);
-    let view = View { camera, seen, triangles, visibility, lighting, sky: &sky };
+    let to_sun = lighting.world_from_camera.tr_mul(&lighting.sky.to_sun);
+    let view = View { camera, seen, triangles, visibility, lighting, sky: &sky, to_sun };
     let mut samples = vec![V::zeros(); visibility.ids.len()];
-    samples.par_chunks_mut((visibility.size[0] * rate).max(1)).enumerate().for_each(|(y, rows)| {
+    let mut water = vec![None; width * height];
+    let rows = samples.par_chunks_mut((visibility.size[0] * rate).max(1));
+    rows.zip(water.par_chunks_mut(width.max(1))).enumerate().for_each(|(y, (rows, water))| {
         let mut recent = [Recent::default(), Recent::default()];
-        for x in 0..width {
-            view.pixel([x, y], rows, &mut recent);
+        for (x, water) in water.iter_mut().enumerate() {
+            *water = view.pixel([x, y], rows, &mut recent);
         }
     });
     if rate == 1 {
-        return samples.into_iter().map(Into::into).collect();
+        return (samples.into_iter().map(Into::into).collect(), water);
     }
     let mut color = vec![[0.0; 3]; width * height];
     let columns = visibility.size[0];
@@ -53,43 +53,7 @@ pub(super) fn shade(
             *value = sum.into();
         }
     });
-    color
-}
-
-/// How much of the first pixel of every block of `step` x `step` is a mirror of water.
-pub(super) fn wet(
-    camera: &Camera,
-    seen: &[Seen],
-    triangles: &Triangles,
-    visibility: &Visibility,
-    lighting: &Lighting,
-    step: usize,
-) -> Water {
-    let width = camera.size[0] as usize;
-    let pixel = |i: usize| {
-        let [x, y] = [i % width, i / width];
-        let sample = y * visibility.rate * visibility.size[0] + x * visibility.rate;
-        let ground = triangles
-            .opaque
-            .get(visibility.ids[sample] as usize)
-            .filter(|triangle| is_ground(&seen[triangle.seen as usize]));
-        let share = |triangle: &Triangle| {
-            if x % step + y % step > 0 {
-                return 0.0;
-            }
-            let ray = ray(camera, [x as f32, y as f32]);
-            let spot = Spot::new(lighting, &seen[triangle.seen as usize], triangle.face, &ray);
-            spot.map_or(0.0, |spot| spot.water(lighting))
-        };
-        (visibility.inverse_depths[sample], ground.map(share))
-    };
-    let count = visibility.ids.len() / (visibility.rate * visibility.rate);
-    let (inverse_depths, shares) = (0..count).into_par_iter().map(pixel).unzip();
-    Water { step, inverse_depths, shares }
-}
-
-fn is_ground(seen: &Seen) -> bool {
-    matches!(seen.object.class, SegmentClass::Road | SegmentClass::Terrain)
+    (color, water)
 }
 
 struct View<'a> {
@@ -99,6 +63,8 @@ struct View<'a> {
     visibility: &'a Visibility,
     lighting: &'a Lighting<'a>,
     sky: &'a SkyGrid,
+    /// Camera coordinates.
+    to_sun: V,
 }
 
 /// The face that was seen last, by the number of its triangle: its neighbours often show it too.
@@ -117,10 +83,23 @@ struct Key {
 }
 
 impl<'a> View<'a> {
-    /// Sets a pixel's samples in `rows`, the rows of samples of its row of pixels.
-    fn pixel(&self, [x, y]: [usize; 2], rows: &mut [V], recent: &mut [Recent<'a>; 2]) {
+    /// Sets a pixel's samples in `rows`, the rows of samples of its row of pixels; returns how much of its centre is
+    /// water.
+    fn pixel(
+        &self,
+        [x, y]: [usize; 2],
+        rows: &mut [V],
+        recent: &mut [Recent<'a>; 2],
+    ) -> Option<f32> {
         let v = self.visibility;
         let [rate, columns] = [v.rate, v.size[0]];
+        if rate == 1 {
+            let Light { color, water } =
+                self.sample(y * columns + x, [x as f32, y as f32], recent);
+            rows[x] = color;
+            return water;
+        }
+        let mut water = None;
         let mut places = [0; 4];
         for (i, place) in places.iter_mut().enumerate().take(rate * rate) {
             *place = (i / rate) * columns + x * rate + i % rate;
@@ -157,13 +136,17 @@ impl<'a> View<'a> {
             done |= members;
             let scale = 1.0 / (members.count_ones() as f32 * rate as f32);
             let at = [x as f32 + middle[0] * scale, y as f32 + middle[1] * scale];
-            let color = self.sample(start + places[i], at, recent);
+            let light = self.sample(start + places[i], at, recent);
+            if i == 0 {
+                water = light.water;
+            }
             for (j, place) in places.iter().enumerate() {
                 if members >> j & 1 == 1 {
-                    rows[*place] = color;
+                    rows[*place] = light.color;
                 }
             }
         }
+        water
     }
 
     fn key(&self, sample: usize) -> Key {
@@ -185,14 +168,17 @@ impl<'a> View<'a> {
     }
 
     /// Light from a sample's surfaces at a place in the picture, pixels.
-    fn sample(&self, sample: usize, at: [f32; 2], recent: &mut [Recent<'a>; 2]) -> V {
+    fn sample(&self, sample: usize, at: [f32; 2], recent: &mut [Recent<'a>; 2]) -> Light {
         let ray = ray(self.camera, at);
         let v = self.visibility;
         let [opaque, glass] = recent;
         let behind = self.spot(v.ids[sample], &self.triangles.opaque, &ray, opaque);
-        let mut color = match &behind {
-            Some(spot) => spot.through_air(self.lighting, spot.radiance(self.lighting)),
-            None => self.sky.at(at) + self.sun(&ray),
+        let Light { mut color, water } = match &behind {
+            Some(spot) => {
+                let light = spot.light(self.lighting);
+                Light { color: spot.through_air(self.lighting, light.color), ..light }
+            }
+            None => Light { color: self.sky.at(at) + self.sun(&ray), water: None },
         };
         if let Some(spot) = self.spot(v.glass[sample], &self.triangles.glass, &ray, glass) {
             let pane = spot.pane(self.lighting);
@@ -205,7 +191,7 @@ impl<'a> View<'a> {
                 - spot.through_air(self.lighting, V::zeros()).component_mul(&through);
             color = color.sup(&V::zeros());
         }
-        color
+        Light { color, water }
     }
 
     fn spot(
@@ -226,6 +212,11 @@ impl<'a> View<'a> {
 
     /// What the sun's disc adds to the sky.
     fn sun(&self, ray: &V) -> V {
+        // Most of the sky is too far from it for its angle to be computed.
+        let near = ray.dot(&self.to_sun);
+        if near <= 0.0 || near * near < 0.98 * ray.norm_squared() {
+            return V::zeros();
+        }
         let direction = (self.lighting.world_from_camera * ray).normalize();
         let disc = self.lighting.sky.disc(&direction);
         disc * shown_through_fog(self.lighting, &direction)

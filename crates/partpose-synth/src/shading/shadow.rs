@@ -78,7 +78,7 @@ impl Shadows {
             })
             .collect();
         let camera_position = scene.world_from_camera.translation.vector;
-        let placed: Vec<Placed> = scene
+        let mut placed: Vec<Placed> = scene
             .objects
             .par_iter()
             .zip(bounds)
@@ -90,6 +90,8 @@ impl Shadows {
                 place(object, bounds, &camera_position, &sun_from_world, &squares)
             })
             .collect();
+        // What is high hides what is low, which then costs no more than a comparison.
+        placed.sort_by(|a, b| b.offset.z.total_cmp(&a.offset.z));
         let cascades = squares
             .par_iter()
             .map(|(low, side, end)| {

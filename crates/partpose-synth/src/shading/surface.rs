@@ -62,6 +62,13 @@ pub(super) struct Spot<'a> {
     is_vehicle: bool,
 }
 
+/// Light towards the eye.
+pub(super) struct Light {
+    pub(super) color: V,
+    /// How much of a place on the ground is a mirror of water; `None` for what is no ground.
+    pub(super) water: Option<f32>,
+}
+
 /// What a pane of glass does.
 pub(super) struct Pane {
     pub(super) reflected: V,
@@ -209,12 +216,15 @@ impl<'a> Spot<'a> {
     }
 
     /// Light towards the eye.
-    pub(super) fn radiance(&self, lighting: &Lighting) -> V {
+    pub(super) fn light(&self, lighting: &Lighting) -> Light {
+        let is_ground =
+            matches!(self.seen.object.class, SegmentClass::Road | SegmentClass::Terrain);
         if self.material.transmission > 0.0 {
             // A pane that nothing is drawn behind: the inside is dark.
             let pane = self.pane(lighting);
             let inside = lighting.environment.irradiance(&self.normal) * 0.045;
-            return pane.reflected + pane.tint.component_mul(&inside);
+            let color = pane.reflected + pane.tint.component_mul(&inside);
+            return Light { color, water: is_ground.then_some(0.0) };
         }
         let mut local = texture::local(self.material, self.coordinates, self.footprint);
         let mut open = self.open;
@@ -243,7 +253,7 @@ impl<'a> Spot<'a> {
         if !self.is_vehicle && self.normal.y < -0.5 {
             open *= contact::openness(lighting.blocks, &self.place);
         }
-        if self.is_ground() {
+        if is_ground && self.normal.y < -0.8 {
             mirror = self.wet(&mut local, lighting.air.wetness as f32);
         }
         let sun = lighting.sky.sun;
@@ -293,21 +303,7 @@ impl<'a> Spot<'a> {
             let reflected = self.surroundings(lighting, 0.08, lit);
             out = out * (1.0 - fresnel) + reflected * (fresnel * seen_open);
         }
-        out + local.emission
-    }
-
-    fn is_ground(&self) -> bool {
-        self.normal.y < -0.8
-            && matches!(self.seen.object.class, SegmentClass::Road | SegmentClass::Terrain)
-    }
-
-    /// How much of the place is a mirror of water.
-    pub(super) fn water(&self, lighting: &Lighting) -> f32 {
-        if !self.is_ground() || lighting.air.wetness <= 0.0 {
-            return 0.0;
-        }
-        let mut local = texture::local(self.material, self.coordinates, self.footprint);
-        self.wet(&mut local, lighting.air.wetness as f32)
+        Light { color: out + local.emission, water: is_ground.then_some(mirror) }
     }
 
     /// What a pane of glass adds and lets through.

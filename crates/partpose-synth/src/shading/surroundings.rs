@@ -87,7 +87,7 @@ pub(super) fn of_scene(scene: &Scene, bounds: &[Bounds], lighting: &Lighting) ->
                 let seen = &seen[triangle.seen as usize];
                 let spot = Spot::new(&lighting, seen, triangle.face, &ray)?;
                 // Highlights of single pixels would shine from everywhere.
-                Some(spot.radiance(&lighting).map(|value| value.min(4.0)))
+                Some(spot.light(&lighting).color.map(|value| value.min(4.0)))
             };
             visibility.ids.iter().enumerate().map(radiance).collect()
         })

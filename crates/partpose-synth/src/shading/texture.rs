@@ -92,11 +92,13 @@ fn asphalt(local: &mut Local, u: f32, v: f32, footprint: f32) {
     local.roughness = (local.roughness - 0.12 * patches - 0.05 * tracks).clamp(0.2, 1.0);
     // Cracks run where a slow noise passes its mean, and only in some regions.
     if footprint < 0.08 {
-        let slow = fractal(u * 0.45 + 40.0, v * 0.45, 4, footprint, 15) - 0.5;
         let region = smooth(u * 0.08 + 9.0, v * 0.08, 16);
+        if region <= 0.55 {
+            return;
+        }
+        let slow = fractal(u * 0.45 + 40.0, v * 0.45, 4, footprint, 15) - 0.5;
         let width = 0.006 + footprint * 0.4;
-        let line =
-            (1.0 - slow.abs() / width).clamp(0.0, 1.0) * ((region - 0.55) * 6.0).clamp(0.0, 1.0);
+        let line = (1.0 - slow.abs() / width).clamp(0.0, 1.0) * ((region - 0.55) * 6.0).min(1.0);
         local.color *= 1.0 - 0.55 * line * (0.012 / width).min(1.0);
     }
 }
