@@ -47,8 +47,8 @@ pub struct VehicleKind {
     pub extent: Extent,
     /// Its surface with the slots that [`materials`] fills and with the model's mesh for the labels.
     pub surface: Arc<SurfaceMesh>,
-    /// Faces of what stands open, before the model is scaled; none for most.
-    pub leaf: Arc<[[Point3; 3]]>,
+    /// Faces that stand out of the cuboid, before the model is scaled: mirrors, and what stands open.
+    pub beyond: Arc<[[Point3; 3]]>,
 }
 
 /// The kind of an opened model, from that of the closed one.
@@ -67,7 +67,7 @@ pub(crate) fn opened_kind(
     VehicleKind {
         name: model.name().to_owned(),
         surface: Arc::new(surface),
-        leaf: leaf(model).map(|(_, faces)| faces.into()).unwrap_or_default(),
+        beyond: beyond(model).into(),
         ..closed.clone()
     }
 }
@@ -87,6 +87,19 @@ pub fn vehicle_kind(model: &VehicleModel) -> VehicleKind {
         body_style: model.body_style().to_owned(),
         extent: model.extent(),
         surface: Arc::new(surface),
-        leaf: Arc::default(),
+        beyond: beyond(model).into(),
     }
+}
+
+/// Faces of a model that reach out of its cuboid to the sides, and those of what stands open.
+fn beyond(model: &VehicleModel) -> Vec<[Point3; 3]> {
+    let mesh = model.mesh();
+    let half = 0.5 * model.extent().width;
+    let faces = mesh.faces.iter().map(|face| face.map(|i| mesh.vertices[i as usize]));
+    let mut beyond: Vec<_> =
+        faces.filter(|corners| corners.iter().any(|p| p.x.abs() > half)).collect();
+    if let Some((_, open)) = leaf(model) {
+        beyond.extend(open);
+    }
+    beyond
 }

@@ -132,8 +132,8 @@ pub struct PlacedVehicle {
     pub color: &'static str,
     /// Its size, closed.
     pub extent: Extent,
-    /// Faces of what stands open of it, vehicle frame, metres; none for most.
-    pub leaf: Vec<[Point3; 3]>,
+    /// Faces that stand out of its cuboid, mirrors and what is open; vehicle frame, metres.
+    pub beyond: Vec<[Point3; 3]>,
     /// Where it is.
     pub world_from_vehicle: Pose,
     /// Whether it moves between this frame and the next.
@@ -245,7 +245,7 @@ impl World {
             model: kind.name.clone(),
             color: vehicle.color_name(),
             extent: vehicle.extent,
-            leaf: kind.leaf.iter().map(|corners| corners.map(scaled)).collect(),
+            beyond: kind.beyond.iter().map(|corners| corners.map(scaled)).collect(),
             world_from_vehicle: pose,
             moving,
         }

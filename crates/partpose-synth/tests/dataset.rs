@@ -168,9 +168,14 @@ fn labels_agree_with_each_other_and_with_the_labelling_pipeline() {
         ..options()
     };
     make(folder.path(), &options).unwrap();
-    let report =
-        check(&Dataset::open(folder.path()).unwrap(), &CheckOptions::default(), &mut |_| {});
+    let every_mask = CheckOptions { masks: None, ..CheckOptions::default() };
+    let report = check(&Dataset::open(folder.path()).unwrap(), &every_mask, &mut |_| {});
     assert!(report.is_clean(), "{:?}", report.problems);
+    for sequence in &report.sequences {
+        let archives = &sequence.archives;
+        assert!(archives.mask_pixels > 0);
+        assert_eq!(archives.mask_pixels_outside, 0, "mirrors lie in their boxes, too");
+    }
     let mut seen = 0;
     for (sequence, counts) in verify(folder.path()).unwrap() {
         assert_eq!(counts.frames, 2);

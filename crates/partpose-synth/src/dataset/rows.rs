@@ -54,7 +54,7 @@ pub(super) fn vehicle(
 ) -> Option<String> {
     let camera_from_vehicle = world_from_camera.inverse() * vehicle.world_from_vehicle;
     let cuboid = Cuboid { camera_from_vehicle, extent: vehicle.extent };
-    let [l, t, r, b] = clipped_box(&cuboid, &vehicle.leaf, camera)?;
+    let [l, t, r, b] = clipped_box(&cuboid, &vehicle.beyond, camera)?;
     // Pixels of the box as the published figures count them: without its last row and column.
     let area = ((r - l) * (b - t)).max(1) as f64;
     let occupancy = (pixels as f64 / area).min(1.0);
@@ -177,7 +177,7 @@ mod tests {
             model: "sedan".to_owned(),
             color: "Red",
             extent: partpose::geometry::Extent::new(1.8, 1.5, 4.3),
-            leaf: Vec::new(),
+            beyond: Vec::new(),
             world_from_vehicle: world_from_camera
                 * Pose::new(
                     partpose::geometry::Vector3::new(2.0, 1.6, 14.0),
@@ -210,7 +210,7 @@ mod tests {
                 model: "m".to_owned(),
                 color: "Red",
                 extent: partpose::geometry::Extent::new(1.8, 1.5, 4.3),
-                leaf: Vec::new(),
+                beyond: Vec::new(),
                 world_from_vehicle: Pose::translation(x, 1.6, z),
                 moving: false,
             };
