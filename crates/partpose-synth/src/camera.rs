@@ -118,6 +118,8 @@ impl CameraEffects {
 pub(crate) struct Frame {
     pub(crate) size: [usize; 2],
     pub(crate) pixels: Vec<[f32; 3]>,
+    /// What the pixels were before an effect that looks at neighbours.
+    pub(crate) old: Vec<[f32; 3]>,
 }
 
 /// The photograph of a rendered scene.
@@ -127,17 +129,14 @@ pub fn photograph(
     effects: &CameraEffects,
     seed: u64,
 ) -> RgbImage {
-    let mut frame =
-        Frame { size: rendered.size.map(|side| side as usize), pixels: rendered.color.clone() };
+    let size = rendered.size.map(|side| side as usize);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // Drawn in any case, so that one effect does not change another's numbers.
     let [rain_seed, drop_seed, noise_seed] = [rng.random::<u64>(), rng.random(), rng.random()];
-    let gain = sensor::meter(&frame, effects);
-    for pixel in &mut frame.pixels {
-        for (value, gain) in pixel.iter_mut().zip(gain) {
-            *value *= gain;
-        }
-    }
+    let gain = sensor::meter(size, &rendered.color, effects);
+    let exposed = |pixel: &[f32; 3]| [0, 1, 2].map(|i| pixel[i] * gain[i]);
+    let pixels = rendered.color.iter().map(exposed).collect();
+    let mut frame = Frame { size, pixels, old: Vec::new() };
     if effects.rain > 0.0 {
         rain::add_streaks(&mut frame, effects.rain, rain_seed);
     }

@@ -84,7 +84,7 @@ pub fn render(scene: &Scene, options: &RenderOptions) -> Rendered {
     let sky = Sky::new(&scene.light);
     let world_from_camera: Matrix3<f32> =
         scene.world_from_camera.rotation.to_rotation_matrix().matrix().cast();
-    let plain = surroundings::plain(&sky);
+    let plain = surroundings::plain(&scene.light, &sky);
     let shadows = if options.shadows > 0 && sky.sun.max() > 1e-3 {
         Shadows::new(scene, &bounds, camera, &sky.to_sun, options.shadows)
     } else {

@@ -25,15 +25,13 @@ pub(super) fn soften(frame: &mut Frame, deviation: f32) {
             before = here;
         }
     });
-    let old = frame.pixels.clone();
+    frame.old.clone_from(&frame.pixels);
+    let old = &frame.old;
     frame.pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
-        let [above, below] = [y.saturating_sub(1) * width, (y + 1).min(height - 1) * width];
-        for (x, value) in row.iter_mut().enumerate() {
-            let rows = [old[above + x], *value, old[below + x]];
-            for i in 0..3 {
-                value[i] =
-                    weights[0] * rows[0][i] + weights[1] * rows[1][i] + weights[2] * rows[2][i];
-            }
+        let [above, below] = [y.saturating_sub(1), (y + 1).min(height - 1)]
+            .map(|y| old[y * width..(y + 1) * width].as_flattened());
+        for ((value, above), below) in row.as_flattened_mut().iter_mut().zip(above).zip(below) {
+            *value = weights[0] * above + weights[1] * *value + weights[2] * below;
         }
     });
 }
@@ -54,7 +52,8 @@ pub(super) fn part_colors(frame: &mut Frame, corner: f32) {
     };
     let tables =
         [-1.0, 1.0].map(|sign| [places(width, middle[0], sign), places(height, middle[1], sign)]);
-    let old = frame.pixels.clone();
+    frame.old.clone_from(&frame.pixels);
+    let old = &frame.old;
     frame.pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
         for ([columns, rows], channel) in tables.iter().zip([0, 2]) {
             let (iy, fy) = rows[y];
@@ -88,6 +87,20 @@ pub(super) fn between(pixels: &[[f32; 3]], size: [usize; 2], at: [f32; 2]) -> [f
     [0, 1, 2].map(|c| {
         let above = mix(corners[0][c], corners[1][c], fx);
         mix(above, mix(corners[2][c], corners[3][c], fx), fy)
+    })
+}
+
+/// The same at a place that has pixels on all sides.
+#[inline]
+pub(super) fn between_four(pixels: &[[f32; 3]], width: usize, at: [f32; 2]) -> [f32; 3] {
+    let [ix, iy] = at.map(|x| x as u32);
+    let [fx, fy] = [at[0] - ix as f32, at[1] - iy as f32];
+    let i = iy as usize * width + ix as usize;
+    let (upper, lower) = (&pixels[i..i + 2], &pixels[i + width..i + width + 2]);
+    let mix = |a: f32, b: f32, share: f32| a + share * (b - a);
+    [0, 1, 2].map(|c| {
+        let above = mix(upper[0][c], upper[1][c], fx);
+        mix(above, mix(lower[0][c], lower[1][c], fx), fy)
     })
 }
 

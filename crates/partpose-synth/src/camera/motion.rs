@@ -12,7 +12,7 @@ use crate::scene::Scene;
 use crate::shading::Rendered;
 
 use super::Frame;
-use super::lens::between;
+use super::lens::{between, between_four};
 
 /// Samples along the way.
 const TAPS: usize = 7;
@@ -32,7 +32,8 @@ pub(super) fn blur(frame: &mut Frame, scene: &Scene, rendered: &Rendered, share:
     let [cx, cy] = camera.principal_point.map(|c| c as f32);
     let [width, _] = frame.size;
     let size = frame.size;
-    let old = frame.pixels.clone();
+    frame.old.clone_from(&frame.pixels);
+    let old = &frame.old;
     frame.pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
         for (x, value) in row.iter_mut().enumerate() {
             let ray = Vector3::new((x as f32 - cx) / fx, (y as f32 - cy) / fy, 1.0);
@@ -56,16 +57,24 @@ pub(super) fn blur(frame: &mut Frame, scene: &Scene, rendered: &Rendered, share:
                 way = way.map(|v| v * LONGEST / length);
             }
             let mut sum = [0.0; 3];
+            let at = |share: f32| [x as f32 + share * way[0], y as f32 + share * way[1]];
+            let is_within = is_within(size, at(-0.5)) && is_within(size, at(0.5));
             for tap in 0..TAPS {
-                let share = tap as f32 / (TAPS - 1) as f32 - 0.5;
-                let at = [x as f32 + share * way[0], y as f32 + share * way[1]];
-                for (sum, value) in sum.iter_mut().zip(between(&old, size, at)) {
+                let at = at(tap as f32 / (TAPS - 1) as f32 - 0.5);
+                let value =
+                    if is_within { between_four(old, width, at) } else { between(old, size, at) };
+                for (sum, value) in sum.iter_mut().zip(value) {
                     *sum += value;
                 }
             }
             *value = sum.map(|v: f32| v / TAPS as f32);
         }
     });
+}
+
+/// Whether a place has pixels on all sides.
+fn is_within(size: [usize; 2], at: [f32; 2]) -> bool {
+    (0..2).all(|i| at[i] >= 0.0 && at[i] <= size[i] as f32 - 1.001)
 }
 
 /// How what stands moves before the camera, and then how each vehicle does, by its instance.

@@ -63,7 +63,7 @@ fn blend(frame: &mut Frame, [x, y]: [f32; 2], thick: f32, alpha: f32, color: [f3
 pub(super) fn add_drops(frame: &mut Frame, count: u32, seed: u64) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let [width, height] = frame.size;
-    let old = frame.pixels.clone();
+    frame.old.clone_from(&frame.pixels);
     let scale = width as f32 / 1242.0;
     for _ in 0..count {
         let center = [rng.random_range(0.0..width as f32), rng.random_range(0.0..height as f32)];
@@ -86,7 +86,7 @@ pub(super) fn add_drops(frame: &mut Frame, count: u32, seed: u64) {
                 let blur = 0.6 * radius;
                 let around = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
                 let around = around.map(|[a, b]: [f32; 2]| {
-                    between(&old, frame.size, [at[0] + a * blur, at[1] + b * blur])
+                    between(&frame.old, frame.size, [at[0] + a * blur, at[1] + b * blur])
                 });
                 let shade = 0.75 + 0.35 * v;
                 let pixel = &mut frame.pixels[y * width + x];

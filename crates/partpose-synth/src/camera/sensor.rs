@@ -1,6 +1,7 @@
 //! Exposure, noise, tone curve and file.
 
 use std::io::Cursor;
+use std::sync::LazyLock;
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ImageFormat, RgbImage};
@@ -17,15 +18,18 @@ const TABLE: usize = 4096;
 const TABLE_END: f32 = 4.0;
 
 /// Factors per channel from exposure and white balance.
-pub(super) fn meter(frame: &Frame, effects: &CameraEffects) -> [f32; 3] {
-    let [width, height] = frame.size;
+pub(super) fn meter(
+    [width, height]: [usize; 2],
+    pixels: &[[f32; 3]],
+    effects: &CameraEffects,
+) -> [f32; 3] {
     let mut logs = [0.0_f64; 3];
     let mut count = 0.0_f64;
     // Every fourth pixel of every fourth row; the upper third is sky more often than not and counts less.
     for y in (0..height).step_by(4) {
         let weight = if y < height / 3 { 0.35 } else { 1.0 };
         for x in (0..width).step_by(4) {
-            let pixel = frame.pixels[y * width + x];
+            let pixel = pixels[y * width + x];
             for (sum, value) in logs.iter_mut().zip(pixel) {
                 *sum += weight * f64::from(value.clamp(1e-3, 4.0)).ln();
             }
@@ -60,20 +64,25 @@ pub(super) fn develop(frame: &mut Frame, effects: &CameraEffects, seed: u64) -> 
     let rows =
         bytes.par_chunks_mut((3 * width).max(1)).zip(frame.pixels.par_chunks_mut(width.max(1)));
     rows.enumerate().for_each(|(y, (bytes, pixels))| {
-        let mut state = mix(seed ^ (y as u32).wrapping_mul(0x9e37_79b1));
         if noise > 0.0 {
-            for pixel in pixels.iter_mut() {
-                for value in pixel {
-                    let variance = shot * value.max(0.0) + read;
-                    *value += variance.sqrt() * normal(&mut state);
+            let start = mix(seed ^ (y as u32).wrapping_mul(0x9e37_79b1)) as usize % NORMALS.len();
+            let mut normals = &NORMALS[start..];
+            let mut values = pixels.as_flattened_mut();
+            while !values.is_empty() {
+                let (here, rest) = values.split_at_mut(values.len().min(normals.len()));
+                for (value, normal) in here.iter_mut().zip(normals) {
+                    *value += (shot * value.max(0.0) + read).sqrt() * normal;
                 }
+                (values, normals) = (rest, &NORMALS);
             }
         }
+        // Places in the table first, which many at a time can be computed of.
+        for value in pixels.as_flattened_mut() {
+            let at = (value.clamp(0.0, TABLE_END) * (1.0 / TABLE_END)).sqrt();
+            *value = at * (TABLE as f32 - 1.0);
+        }
         for (bytes, pixel) in bytes.chunks_exact_mut(3).zip(pixels.iter()) {
-            let developed = pixel.map(|value| {
-                let at = (value.clamp(0.0, TABLE_END) * (1.0 / TABLE_END)).sqrt();
-                table[(at * (TABLE as f32 - 1.0)) as usize]
-            });
+            let developed = pixel.map(|place| table[place as usize]);
             let grey = 0.30 * developed[0] + 0.59 * developed[1] + 0.11 * developed[2];
             for (byte, value) in bytes.iter_mut().zip(developed) {
                 let value = grey + effects.saturation * (value - grey);
@@ -87,14 +96,16 @@ pub(super) fn develop(frame: &mut Frame, effects: &CameraEffects, seed: u64) -> 
     RgbImage::from_raw(width as u32, height as u32, bytes).unwrap_or_default()
 }
 
-/// Nearly normal with mean 0 and variance 1: the sum of the four bytes of a number.
-fn normal(state: &mut u32) -> f32 {
-    *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-    let bits = mix(*state);
-    let sum: u32 = bits.to_le_bytes().iter().map(|byte| u32::from(*byte)).sum();
-    // Four even numbers of variance (256² - 1) / 12.
-    (sum as f32 - 510.0) * (1.0 / 147.8)
-}
+/// Nearly normal numbers with mean 0 and variance 1, sums of four bytes: each row of a picture begins somewhere in them.
+static NORMALS: LazyLock<Vec<f32>> = LazyLock::new(|| {
+    let normal = |i: u32| {
+        let bytes = mix(i ^ 0x6e01_5e00).to_le_bytes();
+        let sum: u32 = bytes.iter().map(|byte| u32::from(*byte)).sum();
+        // Four even numbers of variance (256² - 1) / 12.
+        (sum as f32 - 510.0) * (1.0 / 147.8)
+    };
+    (0..1 << 16).map(normal).collect()
+});
 
 fn curve(effects: &CameraEffects) -> Vec<f32> {
     let step = |i: usize| {
@@ -122,12 +133,18 @@ fn sharpened(bytes: &[u8], [width, height]: [usize; 2], share: f32) -> Vec<u8> {
         if y == 0 || y + 1 >= height {
             return;
         }
-        for i in 3..stride.saturating_sub(3) {
-            let at = y * stride + i;
-            let around = [at - 3, at + 3, at - stride, at + stride];
-            let mean = around.iter().map(|j| f32::from(bytes[*j])).sum::<f32>() * 0.25;
-            let value = f32::from(bytes[at]);
-            row[i] = (value + share * (value - mean) + 0.5).clamp(0.0, 255.0) as u8;
+        let [above, here, below] = [y - 1, y, y + 1].map(|y| &bytes[y * stride..(y + 1) * stride]);
+        let inner = 3..stride.saturating_sub(3).max(3);
+        let beside = here.iter().zip(here.iter().skip(6));
+        let middle =
+            above[inner.clone()].iter().zip(&below[inner.clone()]).zip(&here[inner.clone()]);
+        for ((value, (left, right)), ((above, below), here)) in
+            row[inner].iter_mut().zip(beside).zip(middle)
+        {
+            let around = [left, right, above, below].map(|value| u16::from(*value));
+            let mean = f32::from(around.iter().sum::<u16>()) * 0.25;
+            let here = f32::from(*here);
+            *value = (here + share * (here - mean) + 0.5).clamp(0.0, 255.0) as u8;
         }
     });
     out

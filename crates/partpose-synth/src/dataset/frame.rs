@@ -96,12 +96,15 @@ fn photographed(
 fn segments(rendered: &Rendered, moment: &Moment) -> RgbImage {
     let colors: Vec<[u8; 3]> =
         moment.vehicles.iter().map(|vehicle| rows::track_color(vehicle.track)).collect();
-    let color = |(class, instance): (&u8, &u16)| match usize::from(*instance) {
-        0 => rows::class_color(*class),
-        instance => colors.get(instance - 1).copied().unwrap_or_else(|| rows::class_color(*class)),
+    let of_classes: [[u8; 3]; 256] = std::array::from_fn(|class| rows::class_color(class as u8));
+    let color = |(class, instance): (&u8, &u16)| {
+        let of_class = of_classes[usize::from(*class)];
+        let own = usize::from(*instance).checked_sub(1).and_then(|place| colors.get(place));
+        own.copied().unwrap_or(of_class)
     };
-    let pixels = rendered.classes.iter().zip(&rendered.instances).flat_map(color).collect();
-    RgbImage { size: rendered.size, pixels }
+    let pixels: Vec<[u8; 3]> =
+        rendered.classes.iter().zip(&rendered.instances).map(color).collect();
+    RgbImage { size: rendered.size, pixels: pixels.into_flattened() }
 }
 
 fn parts(rendered: &Rendered) -> RgbImage {
@@ -109,8 +112,9 @@ fn parts(rendered: &Rendered) -> RgbImage {
     for class in PartClass::ALL {
         colors[usize::from(class.id())] = class.color();
     }
-    let pixels = rendered.parts.iter().flat_map(|part| colors[usize::from(*part)]).collect();
-    RgbImage { size: rendered.size, pixels }
+    let pixels: Vec<[u8; 3]> =
+        rendered.parts.iter().map(|part| colors[usize::from(*part)]).collect();
+    RgbImage { size: rendered.size, pixels: pixels.into_flattened() }
 }
 
 /// A picture as PNG, packed fast: the noise of its last bits cannot be packed by any effort, and even labels have so
@@ -135,7 +139,7 @@ fn depth_png(rendered: &Rendered) -> Vec<u8> {
         if value < f64::from(FAR) { value.max(0.0) as u16 } else { FAR }
     };
     // The encoder takes the machine's own order of bytes.
-    let bytes: Vec<u8> =
-        rendered.depths.iter().flat_map(|depth| centimetres(depth).to_ne_bytes()).collect();
-    packed(&bytes, rendered.size, image::ExtendedColorType::L16)
+    let bytes: Vec<[u8; 2]> =
+        rendered.depths.iter().map(|depth| centimetres(depth).to_ne_bytes()).collect();
+    packed(bytes.as_flattened(), rendered.size, image::ExtendedColorType::L16)
 }

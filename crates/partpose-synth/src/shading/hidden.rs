@@ -10,24 +10,30 @@ pub(super) struct Blocks {
     width: usize,
     columns: usize,
     farthest: Vec<f32>,
+    /// The least of each column of a row of blocks.
+    columns_least: Vec<f32>,
 }
 
 impl Blocks {
     /// For an empty band of `height` rows of `width` samples.
     pub(super) fn new(width: usize, height: usize) -> Self {
         let columns = width.div_ceil(SIDE);
-        Self { width, columns, farthest: vec![0.0; columns * height.div_ceil(SIDE)] }
+        let farthest = vec![0.0; columns * height.div_ceil(SIDE)];
+        Self { width, columns, farthest, columns_least: vec![0.0; width] }
     }
 
     /// Looks at the band's 1 / z, row by row.
     pub(super) fn look(&mut self, inverse_depths: &[f32]) {
         let rows = inverse_depths.chunks((self.width * SIDE).max(1));
         for (samples, blocks) in rows.zip(self.farthest.chunks_mut(self.columns.max(1))) {
-            blocks.fill(f32::INFINITY);
+            self.columns_least.fill(f32::INFINITY);
             for row in samples.chunks(self.width.max(1)) {
-                for (samples, least) in row.chunks(SIDE).zip(blocks.iter_mut()) {
-                    *least = samples.iter().fold(*least, |a, b| if *b < a { *b } else { a });
+                for (least, value) in self.columns_least.iter_mut().zip(row) {
+                    *least = if *value < *least { *value } else { *least };
                 }
+            }
+            for (block, columns) in blocks.iter_mut().zip(self.columns_least.chunks(SIDE)) {
+                *block = columns.iter().fold(f32::INFINITY, |a, b| a.min(*b));
             }
         }
     }

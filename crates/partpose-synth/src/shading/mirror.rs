@@ -122,8 +122,7 @@ impl View<'_> {
             let behind = p.z - 1.0 / seen;
             if behind > 0.0 {
                 // Far behind means that the ray passes there unseen.
-                return (behind < 2.5 * length + 0.3)
-                    .then_some(y * self.size[0] as usize + x);
+                return (behind < 2.5 * length + 0.3).then_some(y * self.size[0] as usize + x);
             }
         }
         None

@@ -94,8 +94,7 @@ impl<'a> View<'a> {
         let v = self.visibility;
         let [rate, columns] = [v.rate, v.size[0]];
         if rate == 1 {
-            let Light { color, water } =
-                self.sample(y * columns + x, [x as f32, y as f32], recent);
+            let Light { color, water } = self.sample(y * columns + x, [x as f32, y as f32], recent);
             rows[x] = color;
             return water;
         }

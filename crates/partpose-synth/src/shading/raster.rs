@@ -18,7 +18,7 @@ use super::visible::{STEPS, Seen, Triangle, Triangles, material_of};
 /// Sample rows a band.
 const BAND: usize = 32;
 /// Triangles after which it is looked again what they hide.
-const LOOK: usize = 256;
+const LOOK: usize = 512;
 /// Number of a sample that sees nothing.
 pub(super) const NOTHING: u32 = u32::MAX;
 

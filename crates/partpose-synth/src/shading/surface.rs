@@ -273,14 +273,8 @@ impl<'a> Spot<'a> {
             ambient *= 1.0 - 0.45 * low;
         }
         let mut out = matt.component_mul(&(ambient + sun * toward_sun.max(0.0)));
-        // Leaves let light through.
         if matches!(self.material.texture, Texture::Leaves { .. }) {
-            let through = (-toward_sun).max(0.0) * 0.35;
-            if through > 0.0 {
-                let lit = lighting.shadows.lit(&self.place, &-self.normal, self.depth);
-                out += matt.component_mul(&lighting.sky.sun) * (through * lit);
-            }
-            out += matt.component_mul(&ambient) * 0.1;
+            out += matt.component_mul(&self.through_leaf(lighting, toward_sun, &ambient));
         }
         let below = V::repeat(0.04).lerp(&local.color, local.metallic);
         let seen_open = open * (0.5 + 0.5 * open);
@@ -304,6 +298,17 @@ impl<'a> Spot<'a> {
             out = out * (1.0 - fresnel) + reflected * (fresnel * seen_open);
         }
         Light { color: out + local.emission, water: is_ground.then_some(mirror) }
+    }
+
+    /// The light that comes through a leaf from behind.
+    fn through_leaf(&self, lighting: &Lighting, toward_sun: f32, ambient: &V) -> V {
+        let through = (-toward_sun).max(0.0) * 0.35;
+        let mut light = ambient * 0.1;
+        if through > 0.0 {
+            let lit = lighting.shadows.lit(&self.place, &-self.normal, self.depth);
+            light += lighting.sky.sun * (through * lit);
+        }
+        light
     }
 
     /// What a pane of glass adds and lets through.

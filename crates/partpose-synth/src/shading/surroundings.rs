@@ -4,10 +4,13 @@
 //! reflects stands there; above them is the sky, below them the road. Everything in the picture shares this one
 //! environment (Blinn and Newell 1976), as if what it shows were far away.
 
+use std::cell::RefCell;
+use std::rc::Rc;
+
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use partpose::geometry::{Camera, Pose};
 
-use crate::scene::{Object, Scene, SegmentClass};
+use crate::scene::{Light, Object, Scene, SegmentClass};
 
 use super::contact::Blocks;
 use super::environment::Environment;
@@ -26,8 +29,24 @@ const AHEAD: f64 = 7.0;
 /// What stands further away is left out, metres.
 const REACH: f64 = 75.0;
 
+thread_local! {
+    /// The last of [`plain`]'s on this thread: frames of a sequence have the same light.
+    static LAST: RefCell<Option<(Light, Rc<Environment>)>> = const { RefCell::new(None) };
+}
+
 /// Sky above, road below, and something dark between.
-pub(super) fn plain(sky: &Sky) -> Environment {
+pub(super) fn plain(light: &Light, sky: &Sky) -> Rc<Environment> {
+    let last = LAST.with_borrow(|last| {
+        last.as_ref().filter(|(known, _)| known == light).map(|(_, plain)| Rc::clone(plain))
+    });
+    last.unwrap_or_else(|| {
+        let plain = Rc::new(new_plain(sky));
+        LAST.set(Some((*light, Rc::clone(&plain))));
+        plain
+    })
+}
+
+fn new_plain(sky: &Sky) -> Environment {
     let up = -V::y();
     let above = Environment::new(32, |d| sky.radiance(&V::new(d.x, d.y.min(0.0), d.z)));
     let light = above.irradiance(&up) + sky.sun * (-sky.to_sun.y).max(0.0);
