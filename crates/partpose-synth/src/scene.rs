@@ -65,10 +65,8 @@ pub struct SurfaceMesh {
     pub parts: Vec<u8>,
     /// Share of the sky that the object itself leaves open, one a vertex; empty where that is all of it.
     pub openness: Vec<f32>,
-    /// Joints along the faces' edges and at their corners, see [`Joint`]; empty where there are none.
-    ///
-    /// Two bits each: the edge opposite of the first corner in the lowest, the first corner in the seventh and eighth.
-    pub joints: Vec<u16>,
+    /// Joints between panels and round windows; empty where there are none.
+    pub joints: Joints,
     /// The mesh by which the labels are drawn; `None` for objects without parts.
     ///
     /// It is the model's own, so that labels made from poses and models equal these to the bit; the surface may only
@@ -89,12 +87,37 @@ impl SurfaceMesh {
     }
 }
 
-/// What runs along an edge of a face.
+/// The joints of a mesh, by the faces that they come near.
+#[derive(Clone, Debug, Default)]
+pub struct Joints {
+    /// Where the lines of every face begin, and after the last where they end.
+    pub starts: Vec<u32>,
+    /// The lines, face by face.
+    pub lines: Vec<JointLine>,
+}
+
+impl Joints {
+    /// Those near a face.
+    pub(crate) fn near(&self, face: usize) -> &[JointLine] {
+        let [Some(from), Some(to)] = [self.starts.get(face), self.starts.get(face + 1)] else {
+            return &[];
+        };
+        self.lines.get(*from as usize..*to as usize).unwrap_or_default()
+    }
+}
+
+/// A straight piece of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
+pub struct JointLine {
+    /// The vertices that it joins.
+    pub ends: [u32; 2],
+    /// What it is.
+    pub kind: Joint,
+}
+
+/// What runs where panels meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Joint {
-    /// Nothing.
-    None,
     /// A gap between panels, a few millimetres wide.
     Gap,
     /// A rubber seal, as round windows.

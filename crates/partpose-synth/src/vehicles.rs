@@ -18,6 +18,7 @@ mod bake;
 mod coarse;
 mod hinges;
 mod inside;
+mod joints;
 mod looks;
 mod patchwork;
 mod regions;

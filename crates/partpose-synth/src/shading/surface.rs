@@ -184,33 +184,27 @@ impl<'a> Spot<'a> {
 
     /// Share of the pixel that gaps between panels and seals cover.
     fn joints(&self) -> [f32; 2] {
-        let mesh = self.seen.mesh;
-        let Some(bits) = mesh.joints.get(self.face).copied().filter(|bits| *bits != 0) else {
+        let lines = self.seen.mesh.joints.near(self.face);
+        if lines.is_empty() {
             return [0.0; 2];
-        };
-        let [a, b, c] = mesh.faces[self.face].map(|i| self.seen.positions[i as usize]);
-        let area = (b - a).cross(&(c - a)).norm();
-        let mut covered = [0.0_f32; 2];
+        }
+        let at = |vertex: u32| self.seen.positions[vertex as usize];
+        let [a, b, c] = self.seen.mesh.faces[self.face].map(at);
         let here = a * self.weights[0] + b * self.weights[1] + c * self.weights[2];
-        for (i, (corner, from, to)) in [(a, b, c), (b, c, a), (c, a, b)].into_iter().enumerate() {
-            let of_edge = (bits >> (2 * i)) & 3;
-            let kind = if of_edge == 0 { (bits >> (6 + 2 * i)) & 3 } else { of_edge };
-            if kind == 0 {
-                continue;
-            }
-            let mut distance = f32::INFINITY;
-            if of_edge != 0 {
-                distance = self.weights[i] * area / (to - from).norm().max(1e-6);
-            }
-            // A joint that only passes a corner of the face.
-            if (bits >> (6 + 2 * i)) & 3 == kind {
-                distance = distance.min((corner - here).norm());
-            }
-            let half = if kind == 1 { GAP } else { SEAL };
-            let pixel = 0.5 * self.footprint.max(1e-4);
+        let mut squares = [f32::INFINITY; 2];
+        for line in lines {
+            let [from, to] = line.ends.map(at);
+            let [along, away] = [to - from, here - from];
+            let share = (along.dot(&away) / along.norm_squared().max(1e-12)).clamp(0.0, 1.0);
+            let square = &mut squares[line.kind as usize];
+            *square = square.min((away - along * share).norm_squared());
+        }
+        let pixel = 0.5 * self.footprint.max(1e-4);
+        let mut covered = [0.0; 2];
+        for ((covered, square), half) in covered.iter_mut().zip(squares).zip([GAP, SEAL]) {
+            let distance = square.sqrt();
             let overlap = (distance + pixel).min(half) - (distance - pixel).max(-half);
-            let cover = &mut covered[usize::from(kind) - 1];
-            *cover = cover.max((overlap / (2.0 * pixel)).clamp(0.0, 1.0));
+            *covered = (overlap / (2.0 * pixel)).clamp(0.0, 1.0);
         }
         covered
     }

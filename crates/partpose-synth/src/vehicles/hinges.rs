@@ -5,11 +5,13 @@
 //! get a second side. What is seen through an opening counts as the body around it, as what is seen through glass counts
 //! as glass: the label mesh has a lining there, a little further inside, which pictures do not show.
 
+use std::collections::HashMap;
+
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use partpose::parts::PartClass as P;
 use partpose::vehicle::{Mesh, VehicleModel};
 
-use crate::scene::SurfaceMesh;
+use crate::scene::{JointLine, Joints, SurfaceMesh};
 
 use super::slots::Slot;
 
@@ -165,13 +167,30 @@ pub(super) fn opened_surface(
     let turn: Isometry3<f32> = turn.cast();
     let mut open = surface.clone();
     open.labels = None;
+    open.joints = Joints { starts: vec![0], lines: Vec::new() };
+    let mut moved: HashMap<u32, u32> = HashMap::new();
     open.coarse = surface
         .coarse
         .as_ref()
         .map(|coarse| std::sync::Arc::new(opened_surface(coarse, closed, opening, body_style)));
     for face in 0..surface.faces.len() {
         let part = surface.parts.get(face).copied().and_then(P::from_id);
-        let Some(part) = part.filter(|part| parts.contains(part)) else { continue };
+        let lines = surface.joints.near(face);
+        let Some(part) = part.filter(|part| parts.contains(part)) else {
+            open.joints.lines.extend_from_slice(lines);
+            open.joints.starts.push(open.joints.lines.len() as u32);
+            continue;
+        };
+        // The joints of what turns turn with it.
+        for line in lines {
+            let ends = line.ends.map(|end| {
+                *moved.entry(end).or_insert_with(|| {
+                    copied(surface, &mut open, [end as usize], |p| turn * p, |n| turn * n)
+                })
+            });
+            open.joints.lines.push(JointLine { ends, ..*line });
+        }
+        open.joints.starts.push(open.joints.lines.len() as u32);
         let corners = surface.faces[face].map(|i| i as usize);
         let first = copied(surface, &mut open, corners, |p| turn * p, |n| turn * n);
         open.faces[face] = [first, first + 1, first + 2];
@@ -185,18 +204,15 @@ pub(super) fn opened_surface(
         let slot = surface.materials.get(face).copied().unwrap_or(0);
         let is_glass = slot == Slot::Glass as u16 || slot == Slot::RearGlass as u16;
         open.materials.push(if is_glass { slot } else { Slot::Inside as u16 });
-        if !open.joints.is_empty() {
-            open.joints.push(0);
-        }
     }
     open
 }
 
-/// Adds three vertices like those of `surface`, elsewhere; gives the first.
-fn copied(
+/// Adds vertices like some of `surface`, elsewhere; gives the first.
+fn copied<const N: usize>(
     surface: &SurfaceMesh,
     open: &mut SurfaceMesh,
-    corners: [usize; 3],
+    corners: [usize; N],
     place: impl Fn(Point3<f32>) -> Point3<f32>,
     turn: impl Fn(Vector3<f32>) -> Vector3<f32>,
 ) -> u32 {

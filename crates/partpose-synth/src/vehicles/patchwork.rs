@@ -10,8 +10,9 @@ use nalgebra::{Point3, Vector3};
 use partpose::parts::{CoarseClass, PartClass};
 use partpose::vehicle::Mesh;
 
-use crate::scene::{Joint, SurfaceMesh};
+use crate::scene::{JointLine, SurfaceMesh};
 
+use super::joints;
 use super::slots::Slot;
 
 /// Cosine of the angle between faces beyond which an edge is sharp.
@@ -154,8 +155,8 @@ impl Patchwork {
     }
 
     pub(super) fn into_surface(self) -> SurfaceMesh {
-        let joints = self.joints();
-        let mut surface = SurfaceMesh { joints, ..SurfaceMesh::default() };
+        let mut surface = SurfaceMesh::default();
+        let mut vertex_of = vec![0; self.points.len()];
         let mut seen: HashMap<(u32, [u32; 3], u16), u32> = HashMap::new();
         let wheels = PartClass::ALL.map(|part| {
             (part.coarse() == CoarseClass::Wheels).then(|| self.bounds(&[part])).flatten()
@@ -169,6 +170,7 @@ impl Patchwork {
                     surface.vertices.push(Point3::from(p));
                     surface.normals.push(corner.normal);
                     surface.coordinates.push(self.coordinate(&p, facet.slot, wheel));
+                    vertex_of[corner.point as usize] = surface.vertices.len() as u32 - 1;
                     surface.vertices.len() as u32 - 1
                 })
             });
@@ -176,6 +178,10 @@ impl Patchwork {
             surface.materials.push(facet.slot as u16);
             surface.parts.push(facet.part.map_or(0, PartClass::id));
         }
+        let lines = joints::edges_between_parts(&self.facets).into_iter().map(|(edge, kind)| {
+            JointLine { ends: edge.map(|point| vertex_of[point as usize]), kind }
+        });
+        surface.joints = joints::near_faces(&surface, &lines.collect::<Vec<_>>());
         surface
     }
 
@@ -197,51 +203,6 @@ impl Patchwork {
             _ => [p.x + p.z, -p.y],
         }
     }
-
-    /// What runs along the edges between parts.
-    fn joints(&self) -> Vec<u16> {
-        let is_glass = |part: PartClass| part.coarse() == CoarseClass::Glass;
-        let mut owners: HashMap<[u32; 2], Option<PartClass>> = HashMap::new();
-        let mut joint_of: HashMap<[u32; 2], Joint> = HashMap::new();
-        for facet in &self.facets {
-            for (_, edge) in edges(facet) {
-                let Some(other) = owners.insert(edge, facet.part) else { continue };
-                if let (Some(a), Some(b)) = (other, facet.part)
-                    && a != b
-                {
-                    // The plane of symmetry divides nothing.
-                    let is_seal = is_glass(a) != is_glass(b);
-                    joint_of.insert(edge, if is_seal { Joint::Seal } else { Joint::Gap });
-                }
-            }
-        }
-        let mut joint_at = vec![Joint::None; self.points.len()];
-        for facet in &self.facets {
-            for (_, edge) in edges(facet) {
-                if let Some(joint) = joint_of.get(&edge) {
-                    for point in edge {
-                        joint_at[point as usize] = *joint;
-                    }
-                }
-            }
-        }
-        let bits = |facet: &Facet| {
-            let mut bits = 0;
-            for (i, edge) in edges(facet) {
-                let joint = joint_of.get(&edge).copied().unwrap_or(Joint::None);
-                bits |= (joint as u16) << (2 * i);
-                bits |= (joint_at[facet.corners[i].point as usize] as u16) << (6 + 2 * i);
-            }
-            bits
-        };
-        self.facets.iter().map(bits).collect()
-    }
-}
-
-/// The edges with the number of the corner opposite.
-fn edges(facet: &Facet) -> [(usize, [u32; 2]); 3] {
-    let [a, b, c] = facet.corners.map(|corner| corner.point);
-    [(0, [b, c]), (1, [c, a]), (2, [a, b])].map(|(i, [a, b])| (i, [a.min(b), a.max(b)]))
 }
 
 fn divide(facet: &Facet, splits: &BTreeMap<[u32; 2], (u32, f32)>, divided: &mut Vec<Facet>) {
