@@ -150,6 +150,8 @@ pub struct Material {
 pub enum Texture {
     /// One colour.
     Plain,
+    /// The face is not there.
+    Nothing,
     /// Fractal noise between the colour and another.
     Noise {
         /// The other colour, linear RGB.
@@ -200,6 +202,11 @@ pub enum Texture {
     Plate {
         /// Chooses the characters.
         seed: u32,
+    },
+    /// The inner side of a door: plastic with an armrest, coordinates as on its outer side.
+    Lining {
+        /// Colour of the upholstered field, linear RGB.
+        leather: [f32; 3],
     },
     /// The ribs and cells of a lamp's reflector.
     Lamp {

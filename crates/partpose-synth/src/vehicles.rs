@@ -5,23 +5,27 @@
 //!
 //! ```
 //! use partpose::vehicle::ModelZoo;
-//! use partpose_synth::vehicles::{Lamps, materials, random_look, vehicle_kind};
+//! use partpose_synth::vehicles::{Lamps, Riders, materials, random_look, vehicle_kind};
 //! use rand::SeedableRng;
 //!
 //! let kind = vehicle_kind(&ModelZoo::embedded().models[0]);
 //! let look = random_look(&mut rand_chacha::ChaCha8Rng::seed_from_u64(1));
 //! let lamps = Lamps { brake: true, ..Lamps::default() };
-//! assert!(kind.surface.materials.iter().all(|slot| usize::from(*slot) < materials(&look, lamps).len()));
+//! let materials = materials(&look, lamps, Riders { driver: true, ..Riders::default() });
+//! assert!(kind.surface.materials.iter().all(|slot| usize::from(*slot) < materials.len()));
 //! ```
 
 mod bake;
 mod coarse;
+mod details;
 mod hinges;
 mod inside;
 mod joints;
 mod looks;
 mod patchwork;
 mod regions;
+mod relief;
+mod riders;
 mod slots;
 
 use std::sync::Arc;
@@ -32,7 +36,7 @@ use partpose::vehicle::VehicleModel;
 use crate::scene::SurfaceMesh;
 
 pub(crate) use hinges::{Opening, leaf, opened};
-pub use looks::{Lamps, Look, Paint, random_look};
+pub use looks::{Lamps, Look, Paint, Person, Riders, random_look};
 pub use slots::materials;
 
 /// A model, ready to be painted.

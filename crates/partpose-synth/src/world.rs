@@ -34,7 +34,7 @@ use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use partpose::geometry::{Camera, Extent, Point3, Pose};
 
 use crate::scene::{Object, Scene};
-use crate::vehicles::Lamps;
+use crate::vehicles::{Lamps, Riders};
 
 pub use fleet::Fleet;
 pub use plan::{SceneKind, UnknownScene};
@@ -203,15 +203,11 @@ impl World {
         for candidate in candidates {
             match candidate {
                 Candidate::Vehicle { vehicle, place, track } => {
-                    let lamps = lamps(
-                        &place,
-                        dim,
-                        random::hash(self.seed, &[0x1a3b, i64::from(track)]),
-                        time,
-                    );
+                    let own = random::hash(self.seed, &[0x1a3b, i64::from(track)]);
+                    let (lamps, riders) = (lamps(&place, dim, own, time), riders(&place, own));
                     let pose = place.world_from_vehicle;
                     let instance = vehicles.len() as u16 + 1;
-                    objects.push(self.fleet.object(&vehicle, pose, lamps, instance));
+                    objects.push(self.fleet.object(&vehicle, pose, lamps, riders, instance));
                     vehicles.push(self.placed(&vehicle, track, pose, place.moving));
                     let way = Translation3::new(0.0, 0.0, place.speed * EXPOSURE);
                     world_from_vehicles_after.push(pose * way);
@@ -339,6 +335,13 @@ fn near(candidate: &Candidate, world_from_camera: &Pose) -> bool {
     };
     let in_camera = world_from_camera.inverse() * nalgebra::Point3::from(at);
     in_camera.z > -20.0 && in_camera.coords.norm() < FARTHEST
+}
+
+/// Nobody drives by itself; a few sit in vehicles that stand.
+fn riders(place: &traffic::Place, own: u64) -> Riders {
+    let share = |what: i64| random::unit(own, &[what]);
+    let driver = !place.parked || share(7) < 0.04;
+    Riders { driver, beside: driver && share(8) < 0.32, behind: driver && share(9) < 0.14 }
 }
 
 /// Who drives has running lights, or head lamps when it is dim; a few blink.

@@ -31,7 +31,7 @@ pub(super) fn local(material: &Material, [u, v]: [f32; 2], footprint: f32) -> Lo
         emission: V::from(material.emission),
     };
     match material.texture {
-        Texture::Plain => {}
+        Texture::Plain | Texture::Nothing => {}
         Texture::Noise { other, size } => {
             let scale = 1.0 / size.max(1e-3);
             let share = fractal(u * scale, v * scale, 5, footprint * scale, 3);
@@ -59,17 +59,23 @@ pub(super) fn local(material: &Material, [u, v]: [f32; 2], footprint: f32) -> Lo
         }
         Texture::Grille { pitch } => {
             let seen = sharpness(footprint, 0.3 * pitch);
-            let at = (v / pitch).rem_euclid(1.0);
-            let slat = if at < 0.42 { 1.0 } else { 0.12 };
+            let from_slat = (v / pitch).rem_euclid(1.0) - 0.5;
+            let edge = (0.21 - from_slat.abs()) * pitch / footprint.max(1e-4);
+            let slat = 0.12 + 0.88 * (edge + 0.5).clamp(0.0, 1.0);
             local.color *= 0.49 + seen * (slat - 0.49);
+            // Nothing shines between the slats.
+            local.roughness += seen * (1.0 - slat) * (0.9 - local.roughness);
         }
         Texture::Rim { spokes, cover } => rim(&mut local, [u, v], spokes, cover),
         Texture::Plate { seed } => plate(&mut local, [u, v], seed, footprint),
+        Texture::Lining { leather } => lining(&mut local, v, V::from(leather), footprint),
         Texture::Lamp { cell } => {
             let seen = sharpness(footprint, 0.5 * cell);
             let wave = |x: f32| (x / cell).rem_euclid(1.0);
             let rib = 0.65 + 0.7 * wave(u) * wave(v + 0.3 * cell);
             local.color *= 1.0 + seen * (rib - 0.85);
+            // Bulbs and diodes are brighter than what is between them.
+            local.emission *= 1.0 + 1.2 * seen * (rib - 0.83);
         }
     }
     local
@@ -198,6 +204,19 @@ fn bricks(local: &mut Local, [u, v]: [f32; 2], footprint: f32) {
     let joint = ((0.006 - distance) / footprint.max(1e-4) + 0.5).clamp(0.0, 1.0);
     local.color *= 1.0 + seen * 0.5 * own;
     local.color = local.color.lerp(&V::repeat(0.32), 0.6 * seen * joint);
+}
+
+/// A door's inner side by height: a pocket below, an upholstered field, an armrest with light on its upper side.
+fn lining(local: &mut Local, height: f32, leather: V, footprint: f32) {
+    let soft = footprint.max(2e-3);
+    let between = |low: f32, high: f32| {
+        let edge = |d: f32| (d / soft + 0.5).clamp(0.0, 1.0);
+        edge(height - low) * edge(high - height)
+    };
+    local.color = local.color.lerp(&leather, between(0.52, 0.78));
+    local.color = local.color.lerp(&V::repeat(0.10), between(0.64, 0.665));
+    local.color *= 1.0 - 0.8 * between(0.60, 0.64);
+    local.color *= 1.0 - 0.7 * between(0.36, 0.40);
 }
 
 /// Coordinates are shares of the wheel's radius.

@@ -263,6 +263,9 @@ fn object_triangles(camera: &Camera, seen: &Seen, index: u32, step: i32) -> Tria
             continue;
         }
         let kind = materials.of(i);
+        if kind == Kind::Nothing {
+            continue;
+        }
         // What is far is drawn with dark panes, which spares its inside.
         let is_pane = kind == Kind::Glass && !seen.is_far;
         let shows_back = !seen.object.has_parts
@@ -315,6 +318,7 @@ fn coordinate(mesh: &SurfaceMesh, vertex: u32) -> [f32; 2] {
 /// How a material is drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
+    Nothing,
     Solid,
     Holes,
     Glass,
@@ -329,6 +333,7 @@ struct Slots<'a> {
 impl<'a> Slots<'a> {
     fn new(seen: &Seen<'a>) -> Self {
         let kind = |material: &Material| match material.texture {
+            Texture::Nothing => Kind::Nothing,
             Texture::Leaves { .. } => Kind::Holes,
             _ if is_glass(material) => Kind::Glass,
             _ => Kind::Solid,

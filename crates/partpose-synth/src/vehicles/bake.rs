@@ -66,9 +66,12 @@ fn open_towards(surface: &SurfaceMesh, direction: &V, radius: f32) -> Vec<bool> 
     };
     let projected: Vec<V> = surface.vertices.iter().map(|p| project(&p.coords)).collect();
     let mut map = DepthMap::new([SIZE, SIZE]);
-    let is_glass = |slot: u16| slot == Slot::Glass as u16 || slot == Slot::RearGlass as u16;
+    // Light comes in through the windows, and people may not be there.
+    let hides = |slot: u16| {
+        slot != Slot::Glass as u16 && slot != Slot::RearGlass as u16 && !Slot::is_somebody(slot)
+    };
     for (face, slot) in surface.faces.iter().zip(&surface.materials) {
-        if !is_glass(*slot) {
+        if hides(*slot) {
             map.draw(face.map(|i| projected[i as usize]));
         }
     }

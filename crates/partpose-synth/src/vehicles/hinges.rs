@@ -203,7 +203,7 @@ pub(super) fn opened_surface(
         open.parts.push(part as u8);
         let slot = surface.materials.get(face).copied().unwrap_or(0);
         let is_glass = slot == Slot::Glass as u16 || slot == Slot::RearGlass as u16;
-        open.materials.push(if is_glass { slot } else { Slot::Inside as u16 });
+        open.materials.push(if is_glass { slot } else { Slot::Lining as u16 });
     }
     open
 }

@@ -1,4 +1,4 @@
-//! What is seen through the windows: seats, dashboard, steering wheel, and now and then somebody.
+//! What is seen through the windows: seats, dashboard, steering wheel, and the places of people.
 //!
 //! Boxes, placed by the windows and doors; they lie inside the shell, so labels know nothing of them. The shell's inner
 //! side itself is drawn in the colour of the lining.
@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use partpose::parts::PartClass as P;
 
 use super::patchwork::{Corner, Facet, Patchwork};
+use super::riders;
 use super::slots::Slot;
 
 type V = Vector3<f32>;
@@ -27,6 +28,11 @@ pub(super) fn furnish(work: &mut Patchwork) {
     for side in [-1.0, 1.0] {
         seat_at(work, [side * 0.52 * half, seat], back, belt, roof);
     }
+    let head = (belt + 0.29).min(roof - 0.17);
+    let wheel = V::new(-0.52 * half, screen_high.y + 0.01 + 0.02, screen_high.z - 0.10 - 0.66);
+    let place = |x: f32, wheel| riders::Place { x, back: back + 0.07, head, wheel };
+    riders::sit(work, &place(-0.52 * half, Some(wheel)), Slot::DRIVER);
+    riders::sit(work, &place(0.52 * half, None), Slot::BESIDE);
     let rear = work.bounds(&[P::GlassRearLeft]).map(|[low, high]| [low.z, high.z]);
     if let Some([low, high]) = rear
         && high - low > 0.4
@@ -35,6 +41,9 @@ pub(super) fn furnish(work: &mut Patchwork) {
         for place in [-0.58, 0.0, 0.58] {
             seat_at(work, [place * half, 0.30 * half], back, belt - 0.02, roof);
         }
+        let behind =
+            riders::Place { x: 0.58 * half, back: back + 0.07, head: head - 0.06, wheel: None };
+        riders::sit(work, &behind, Slot::BEHIND);
     }
     let dash = -screen_high.y - 0.01;
     let foot = screen_high.z - 0.10;
@@ -53,7 +62,7 @@ pub(super) fn furnish(work: &mut Patchwork) {
             V::new(driver + 0.18, -dash, foot - 0.36),
         ],
     );
-    ring(work, V::new(driver, -dash + 0.02, foot - 0.66), 0.185);
+    ring(work, wheel, 0.185);
     let mirror = V::new(0.0, screen_low.y.max(-roof) + 0.10, screen_low.z + 0.16);
     if screen_high.z > screen_low.z {
         let half_size = V::new(0.11, 0.03, 0.012);

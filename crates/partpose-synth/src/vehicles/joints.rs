@@ -3,7 +3,7 @@
 //! A face knows all lines that come near it, not only those along its own edges: a seal is wider than many of the faces
 //! beside it, and would have gaps and teeth otherwise.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap};
 
 use nalgebra::Vector3;
 use partpose::parts::{CoarseClass, PartClass};
@@ -56,15 +56,19 @@ pub(super) fn near_faces(surface: &SurfaceMesh, lines: &[JointLine]) -> Joints {
         let reach = V::repeat(REACH);
         let low = corners.iter().fold(corners[0], |low, p| low.inf(p)) - reach;
         let high = corners.iter().fold(corners[0], |high, p| high.sup(p)) + reach;
-        let mut known = HashSet::new();
         let mut near: Vec<u32> = cells_between(&low, &high)
             .filter(|_| *part != 0)
             .filter_map(|cell| cells.get(&cell))
             .flatten()
             .copied()
-            .filter(|i| known.insert(*i) && comes_near(lines[*i as usize].ends.map(at), &corners))
             .collect();
         near.sort_unstable();
+        near.dedup();
+        near.retain(|i| {
+            let [a, b] = lines[*i as usize].ends.map(at);
+            let is_beside = (0..3).all(|i| a[i].min(b[i]) < high[i] && low[i] < a[i].max(b[i]));
+            is_beside && comes_near([a, b], &corners)
+        });
         joints.lines.extend(near.into_iter().map(|i| lines[i as usize]));
         joints.starts.push(joints.lines.len() as u32);
     }

@@ -39,6 +39,30 @@ pub struct Look {
     pub dirt: f32,
     /// Chooses the plate's characters.
     pub plate: u32,
+    /// Who may sit in it: at the wheel, beside, behind.
+    pub people: [Person; 3],
+}
+
+/// Colours of somebody, linear RGB.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Person {
+    /// Of face and hands.
+    pub skin: [f32; 3],
+    /// Of the hair.
+    pub hair: [f32; 3],
+    /// Of the clothes.
+    pub clothes: [f32; 3],
+}
+
+/// Who sits in a vehicle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Riders {
+    /// Somebody at the wheel.
+    pub driver: bool,
+    /// Somebody beside.
+    pub beside: bool,
+    /// Somebody behind.
+    pub behind: bool,
 }
 
 /// Which lamps are lit.
@@ -107,6 +131,27 @@ pub fn random_look(rng: &mut ChaCha8Rng) -> Look {
             rng.random_range(0.2..0.8)
         },
         plate: rng.random(),
+        people: [(); 3].map(|()| random_person(rng)),
+    }
+}
+
+fn random_person(rng: &mut ChaCha8Rng) -> Person {
+    let light = rng.random_range(0.12_f32..1.0).sqrt();
+    let shade = rng.random_range(0.0_f32..1.0);
+    let hair = [[0.012, 0.010, 0.009], [0.05, 0.028, 0.015], [0.22, 0.14, 0.06], [0.30, 0.29, 0.28]];
+    let clothes = [
+        [0.015, 0.016, 0.020],
+        [0.55, 0.55, 0.53],
+        [0.03, 0.05, 0.13],
+        [0.12, 0.12, 0.125],
+        [0.30, 0.04, 0.04],
+        [0.20, 0.30, 0.45],
+        [0.05, 0.11, 0.07],
+    ];
+    Person {
+        skin: [0.52 * light, 0.30 * light * light, 0.20 * light * light],
+        hair: hair[rng.random_range(0..hair.len())],
+        clothes: clothes[rng.random_range(0..clothes.len())].map(|v| v * (0.7 + 0.6 * shade)),
     }
 }
 

@@ -102,6 +102,34 @@ impl Patchwork {
         }
     }
 
+    /// Divides the faces that `concerns` holds for along the root of a function.
+    pub(super) fn divide_along(
+        &mut self,
+        concerns: impl Fn(&Facet) -> bool,
+        bound: &dyn Fn(&Vector3<f32>) -> f32,
+    ) {
+        self.cut(&concerns, &[bound], 0);
+    }
+
+    /// Turns normals: adds to each corner's what a function says for its place and normal.
+    pub(super) fn bend(
+        &mut self,
+        concerns: impl Fn(&Facet) -> bool,
+        by: impl Fn(&Vector3<f32>, &Vector3<f32>) -> Vector3<f32>,
+    ) {
+        for i in 0..self.facets.len() {
+            let facet = self.facets[i];
+            if !concerns(&facet) {
+                continue;
+            }
+            for corner in &mut self.facets[i].corners {
+                let place = &self.points[corner.point as usize];
+                let bent = corner.normal + by(place, &corner.normal);
+                corner.normal = bent.try_normalize(1e-3).unwrap_or(corner.normal);
+            }
+        }
+    }
+
     fn is_inside(&self, facet: &Facet, bounds: &[&dyn Fn(&Vector3<f32>) -> f32]) -> bool {
         let middle = self.middle(facet);
         bounds.iter().all(|bound| bound(&middle) < 0.0)
@@ -114,13 +142,19 @@ impl Patchwork {
         bounds: &[&dyn Fn(&Vector3<f32>) -> f32],
         index: usize,
     ) {
-        let values: Vec<f32> = self.points.iter().map(bounds[index]).collect();
+        // Only where faces are concerned: vehicles have many points and bounds.
+        let mut values = vec![f32::NAN; self.points.len()];
         let mut splits: BTreeMap<[u32; 2], (u32, f32)> = BTreeMap::new();
         for facet in &self.facets {
             if !concerns(facet) || !self.is_inside(facet, &bounds[..index]) {
                 continue;
             }
             let [a, b, c] = facet.corners.map(|corner| corner.point);
+            for point in [a, b, c].map(|point| point as usize) {
+                if values[point].is_nan() {
+                    values[point] = bounds[index](&self.points[point]);
+                }
+            }
             for [from, to] in [[a, b], [b, c], [c, a]] {
                 let key = [from.min(to), from.max(to)];
                 let [low, high] = key.map(|i| values[i as usize]);

@@ -6,7 +6,9 @@
 use nalgebra::Vector3;
 use partpose::parts::{CoarseClass, PartClass as P};
 
+use super::details;
 use super::patchwork::{Facet, Patchwork};
+use super::relief;
 use super::slots::Slot;
 
 /// Half the width and height of a plate (520 mm x 110 mm, the European standard).
@@ -21,14 +23,16 @@ pub(super) fn paint(work: &mut Patchwork) {
     wheels(work);
     underside(work);
     lower_trim(work);
-    front(work);
+    let grille = front(work);
     rear(work);
     for side in [[P::LightFrontLeft, P::LightRearLeft], [P::LightFrontRight, P::LightRearRight]] {
         head_lamp(work, side[0]);
         tail_lamp(work, side[1]);
     }
     windows(work);
-    handles(work);
+    relief::press(work);
+    relief::handles(work);
+    details::add(work, grille);
     mirrors(work);
 }
 
@@ -89,8 +93,9 @@ fn lower_trim(work: &mut Patchwork) {
     );
 }
 
-fn front(work: &mut Patchwork) {
-    let Some([low, high]) = work.bounds(&[P::ApronFront]) else { return };
+/// Grille, air intake and plate; gives the height of the grille's middle.
+fn front(work: &mut Patchwork) -> f32 {
+    let Some([low, high]) = work.bounds(&[P::ApronFront]) else { return 0.5 };
     let ground = -high.y;
     let lamps = work.bounds(&[P::LightFrontRight]);
     let [inner, lamp_low, lamp_high] = lamps.map_or([0.4, ground + 0.4, ground + 0.5], |[a, b]| {
@@ -127,6 +132,7 @@ fn front(work: &mut Patchwork) {
     let middle = (0.5 * (lower[1] + upper[0])).max(lower[1] + 0.03);
     work.plates[0] = middle;
     plate(work, &[P::ApronFront], middle, 1.0);
+    0.5 * (upper[0] + upper[1])
 }
 
 fn rear(work: &mut Patchwork) {
@@ -193,6 +199,14 @@ fn head_lamp(work: &mut Patchwork, part: P) {
         let x = inner + share * size.x;
         let drop = h + 0.12 * size.y * share;
         work.paint(Slot::HeadCore, is_lamp, &[&|p| (p.x * side - x).hypot(-p.y - drop) - radius]);
+        // A bowl: its edge looks towards its middle.
+        work.bend(
+            |facet| is_lamp(facet) && facet.slot == Slot::HeadCore,
+            |p, _| {
+                let away = V::new(p.x - x * side, p.y + drop, 0.0) / radius;
+                if away.norm_squared() < 1.3 { -0.9 * away } else { V::zeros() }
+            },
+        );
     }
 }
 
@@ -241,40 +255,6 @@ fn windows(work: &mut Patchwork) {
             |facet| is_one_of(facet, &[side]) && facet.slot == Slot::Paint,
             &[&|p| p.y - front_high.y, &|p| front_low.y - p.y, &|p| from - p.z, &|p| p.z - to],
         );
-    }
-}
-
-fn handles(work: &mut Patchwork) {
-    for [door, glass] in [
-        [P::DoorFrontLeft, P::GlassFrontLeft],
-        [P::DoorFrontRight, P::GlassFrontRight],
-        [P::DoorRearLeft, P::GlassRearLeft],
-        [P::DoorRearRight, P::GlassRearRight],
-    ] {
-        let (Some([low, high]), Some([_, belt])) = (work.bounds(&[door]), work.bounds(&[glass]))
-        else {
-            continue;
-        };
-        if high.z - low.z < 0.5 {
-            continue;
-        }
-        let h = -belt.y - 0.10;
-        // The rear door's lower half is cut away by the wheel arch, its upper half is not.
-        let from = low.z + 0.08;
-        let is_door = |facet: &Facet| is_one_of(facet, &[door]);
-        // Bounds that are straight in the point cut faces however large they are.
-        for (slot, grow) in [(Slot::BlackPlastic, 0.008), (Slot::Handle, 0.0)] {
-            work.paint(
-                slot,
-                is_door,
-                &[
-                    &|p| from - grow - p.z,
-                    &|p| p.z - from - grow - 0.20,
-                    &|p| p.y + h - 0.014 - grow,
-                    &|p| -p.y - h - 0.014 - grow,
-                ],
-            );
-        }
     }
 }
 

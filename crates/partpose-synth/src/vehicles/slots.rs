@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::scene::{Material, Texture};
 
-use super::looks::{Lamps, Look};
+use super::looks::{Lamps, Look, Riders};
 
 /// Index of a material in the list that [`materials`] makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -18,6 +18,8 @@ pub(super) enum Slot {
     Grille,
     Frame,
     Handle,
+    Emblem,
+    Lining,
     Plate,
     Glass,
     RearGlass,
@@ -38,10 +40,19 @@ pub(super) enum Slot {
     Inside,
     Seat,
     Dashboard,
+    DriverSkin,
+    DriverHair,
+    DriverClothes,
+    BesideSkin,
+    BesideHair,
+    BesideClothes,
+    BehindSkin,
+    BehindHair,
+    BehindClothes,
 }
 
 impl Slot {
-    const ALL: [Self; 28] = [
+    const ALL: [Self; 39] = [
         Self::Paint,
         Self::LowerTrim,
         Self::Pillar,
@@ -50,6 +61,8 @@ impl Slot {
         Self::Grille,
         Self::Frame,
         Self::Handle,
+        Self::Emblem,
+        Self::Lining,
         Self::Plate,
         Self::Glass,
         Self::RearGlass,
@@ -70,7 +83,25 @@ impl Slot {
         Self::Inside,
         Self::Seat,
         Self::Dashboard,
+        Self::DriverSkin,
+        Self::DriverHair,
+        Self::DriverClothes,
+        Self::BesideSkin,
+        Self::BesideHair,
+        Self::BesideClothes,
+        Self::BehindSkin,
+        Self::BehindHair,
+        Self::BehindClothes,
     ];
+    /// Skin, hair and clothes of who drives, of who sits beside and behind.
+    pub(super) const DRIVER: [Self; 3] = [Self::DriverSkin, Self::DriverHair, Self::DriverClothes];
+    pub(super) const BESIDE: [Self; 3] = [Self::BesideSkin, Self::BesideHair, Self::BesideClothes];
+    pub(super) const BEHIND: [Self; 3] = [Self::BehindSkin, Self::BehindHair, Self::BehindClothes];
+
+    /// Whether it is somebody, who may not be there.
+    pub(super) fn is_somebody(slot: u16) -> bool {
+        slot >= Self::DriverSkin as u16
+    }
 }
 
 /// Brightness of lamps; 1 is a white surface in full sun.
@@ -80,8 +111,17 @@ const TAIL: f32 = 0.25;
 const INDICATOR: f32 = 2.2;
 
 /// The materials of a vehicle, in the order that its surface refers to.
-pub fn materials(look: &Look, lamps: Lamps) -> Arc<[Material]> {
-    Slot::ALL.iter().map(|slot| material(*slot, look, lamps)).collect()
+pub fn materials(look: &Look, lamps: Lamps, riders: Riders) -> Arc<[Material]> {
+    let people = look.people.iter().zip([riders.driver, riders.beside, riders.behind]);
+    let people = people.flat_map(|(person, is_there)| {
+        [person.skin, person.hair, person.clothes].map(|color| Material {
+            dirt: 0.0,
+            texture: if is_there { Texture::Plain } else { Texture::Nothing },
+            ..plain(look, color, 0.8)
+        })
+    });
+    let vehicle = Slot::ALL.iter().filter(|slot| !Slot::is_somebody(**slot as u16));
+    vehicle.map(|slot| material(*slot, look, lamps)).chain(people).collect()
 }
 
 fn material(slot: Slot, look: &Look, lamps: Lamps) -> Material {
@@ -95,12 +135,17 @@ fn material(slot: Slot, look: &Look, lamps: Lamps) -> Material {
         Slot::LowerTrim if look.plastic_trim => plastic,
         Slot::Pillar if look.black_pillars => gloss,
         Slot::Frame | Slot::Handle if look.chrome => chrome,
+        Slot::Emblem => chrome,
+        Slot::Lining => Material {
+            texture: Texture::Lining { leather: look.inside_color },
+            ..clean([0.025, 0.025, 0.026], 0.8)
+        },
         Slot::Paint | Slot::LowerTrim | Slot::Pillar | Slot::Handle => paint,
         Slot::BlackPlastic => plastic,
         Slot::Frame => gloss,
         Slot::Underside => plain(look, [0.015; 3], 0.9),
         Slot::Grille => {
-            Material { texture: Texture::Grille { pitch: 0.034 }, ..plain(look, [0.035; 3], 0.4) }
+            Material { texture: Texture::Grille { pitch: 0.034 }, ..plain(look, [0.035; 3], 0.5) }
         }
         Slot::Plate => {
             Material { texture: Texture::Plate { seed: look.plate }, ..plain(look, [0.75; 3], 0.5) }
@@ -173,11 +218,11 @@ fn lamp_material(slot: Slot, look: &Look, lamps: Lamps) -> Material {
         Slot::BrakeLamp => lit(lamps.head, [0.30, 0.012, 0.013], red, TAIL),
         Slot::Reverse => lit(lamps.reverse, [0.34, 0.31, 0.31], white, INDICATOR),
         _ => Material {
-            metallic: 0.6,
+            metallic: 0.5,
             clear_coat: 1.0,
             texture: Texture::Lamp { cell: 0.05 },
             dirt: 0.4 * look.dirt,
-            ..plain(look, [0.30, 0.31, 0.32], 0.22)
+            ..plain(look, [0.085, 0.088, 0.092], 0.3)
         },
     }
 }

@@ -10,7 +10,7 @@ use rand::RngExt;
 use super::random::random;
 use crate::scene::{Object, SegmentClass};
 use crate::vehicles::{
-    Lamps, Look, Opening, VehicleKind, materials, opened_kind, random_look, vehicle_kind,
+    Lamps, Look, Opening, Riders, VehicleKind, materials, opened_kind, random_look, vehicle_kind,
 };
 
 /// Share of vans where the zoo has any.
@@ -131,6 +131,7 @@ impl Fleet {
         vehicle: &Vehicle,
         world_from_vehicle: Pose,
         lamps: Lamps,
+        riders: Riders,
         instance: u16,
     ) -> Object {
         let kind = self.kind(vehicle);
@@ -138,7 +139,7 @@ impl Fleet {
         let scale: Vector3<f64> = vehicle.extent.ratio(&kind.extent);
         Object {
             mesh: Arc::clone(&kind.surface),
-            materials: materials(&vehicle.look, lamps),
+            materials: materials(&vehicle.look, lamps, riders),
             world_from_object: world_from_vehicle,
             scale,
             class,

@@ -160,6 +160,7 @@ impl Layout {
                 moving,
                 speed: 0.0,
                 braking: false,
+                parked: !moving,
             };
             found.push(Candidate::Vehicle { vehicle, place, track: number });
         }

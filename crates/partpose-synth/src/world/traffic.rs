@@ -54,6 +54,8 @@ pub(crate) struct Place {
     pub(crate) speed: f64,
     /// Whether it brakes.
     pub(crate) braking: bool,
+    /// Whether it stands by the road, and not in the traffic.
+    pub(crate) parked: bool,
 }
 
 /// Period of the waves of speed, seconds.
@@ -117,6 +119,7 @@ impl Lane {
                 index,
                 world_from_vehicle: self.pose(path, seed, index, along, time),
                 moving: pace > 0.02,
+                parked: self.parked,
                 speed: pace,
                 braking: self.speed > 0.0 && self.pace(seed, own_time + 0.3) < pace - 0.2,
             });
