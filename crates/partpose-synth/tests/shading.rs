@@ -12,7 +12,7 @@ use partpose_synth::scene::{
     Air, Light, Material, Object, Scene, SegmentClass, SurfaceMesh, Texture,
 };
 use partpose_synth::shading::{RenderOptions, Rendered, render};
-use partpose_synth::vehicles::{Lamps, VehicleKind, materials, random_look, vehicle_kind};
+use partpose_synth::vehicles::{Lamps, Riders, VehicleKind, materials, random_look, vehicle_kind};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -42,6 +42,7 @@ fn cars() -> Vec<Object> {
         materials: materials(
             &random_look(&mut ChaCha8Rng::seed_from_u64(i as u64)),
             Lamps { head: true, brake: true, ..Lamps::default() },
+            Riders { driver: i != 1, beside: i == 0, behind: i == 2 },
         ),
         world_from_object: pose,
         scale: Vector3::new(1.02, 0.98, 1.0 + 0.01 * i as f64),

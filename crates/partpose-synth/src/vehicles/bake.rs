@@ -76,8 +76,11 @@ fn open_towards(surface: &SurfaceMesh, direction: &V, radius: f32) -> Vec<bool> 
         }
     }
     let is_open = |(p, normal): (&nalgebra::Point3<f32>, &V)| {
-        let p = project(&(p.coords + normal * 0.015));
-        map.at(p.x, p.y) < p.z + BIAS
+        // What looks away has no weight.
+        normal.dot(direction) > 0.0 && {
+            let p = project(&(p.coords + normal * 0.015));
+            map.at(p.x, p.y) < p.z + BIAS
+        }
     };
     surface.vertices.iter().zip(&surface.normals).map(is_open).collect()
 }

@@ -138,7 +138,8 @@ pub fn random_look(rng: &mut ChaCha8Rng) -> Look {
 fn random_person(rng: &mut ChaCha8Rng) -> Person {
     let light = rng.random_range(0.12_f32..1.0).sqrt();
     let shade = rng.random_range(0.0_f32..1.0);
-    let hair = [[0.012, 0.010, 0.009], [0.05, 0.028, 0.015], [0.22, 0.14, 0.06], [0.30, 0.29, 0.28]];
+    let hair =
+        [[0.012, 0.010, 0.009], [0.05, 0.028, 0.015], [0.22, 0.14, 0.06], [0.30, 0.29, 0.28]];
     let clothes = [
         [0.015, 0.016, 0.020],
         [0.55, 0.55, 0.53],

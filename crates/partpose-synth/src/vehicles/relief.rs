@@ -39,7 +39,7 @@ pub(super) fn press(work: &mut Patchwork) {
 struct Side {
     front_door: P,
     rear_door: P,
-    side: P,
+    body: P,
     front_glass: P,
     rear_glass: P,
     wheels: [P; 2],
@@ -50,7 +50,7 @@ impl Side {
     const LEFT: Self = Self {
         front_door: P::DoorFrontLeft,
         rear_door: P::DoorRearLeft,
-        side: P::SideLeft,
+        body: P::SideLeft,
         front_glass: P::GlassFrontLeft,
         rear_glass: P::GlassRearLeft,
         wheels: [P::WheelFrontLeft, P::WheelRearLeft],
@@ -59,7 +59,7 @@ impl Side {
     const RIGHT: Self = Self {
         front_door: P::DoorFrontRight,
         rear_door: P::DoorRearRight,
-        side: P::SideRight,
+        body: P::SideRight,
         front_glass: P::GlassFrontRight,
         rear_glass: P::GlassRearRight,
         wheels: [P::WheelFrontRight, P::WheelRearRight],
@@ -75,9 +75,8 @@ fn sides(work: &mut Patchwork, side: &Side) {
         return;
     };
     let is_panel = |facet: &Facet| {
-        facet.part.is_some_and(|part| {
-            [side.front_door, side.rear_door, side.side].contains(&part)
-        }) && matches!(facet.slot, Slot::Paint)
+        facet.part.is_some_and(|part| [side.front_door, side.rear_door, side.body].contains(&part))
+            && matches!(facet.slot, Slot::Paint)
     };
     let lamps = side.lamps.map(|lamp| work.bounds(&[lamp]));
     let [front, rear] = [
@@ -87,9 +86,10 @@ fn sides(work: &mut Patchwork, side: &Side) {
     // The line rises towards the rear with the windows' lower edges.
     let belts = [
         (0.5 * (glass_low.z + glass_high.z), -glass_high.y),
-        work.bounds(&[side.rear_glass]).map_or((glass_low.z - 0.9, -glass_high.y), |[low, high]| {
-            (0.5 * (low.z + high.z), -high.y)
-        }),
+        work.bounds(&[side.rear_glass])
+            .map_or((glass_low.z - 0.9, -glass_high.y), |[low, high]| {
+                (0.5 * (low.z + high.z), -high.y)
+            }),
     ];
     let slope = (belts[1].1 - belts[0].1) / (belts[1].0 - belts[0].0).min(-0.3);
     let shoulder = move |p: &V| -p.y - (belts[0].1 - 0.125 + slope * (p.z - belts[0].0));
@@ -192,7 +192,7 @@ pub(super) fn handles(work: &mut Patchwork) {
         let is_bar = |facet: &Facet| is_door(facet) && facet.slot == Slot::Handle;
         work.bend(is_bar, |p, _| {
             let up = ((-p.y - h) / half).clamp(-1.0, 1.0);
-            V::new(0.0, -1.0 * up, 0.0)
+            V::new(0.0, -up, 0.0)
         });
     }
 }

@@ -79,7 +79,10 @@ pub(super) fn sit(work: &mut Patchwork, place: &Place, [skin, hair, clothes]: We
 fn lathe(work: &mut Patchwork, rings: &[(V, [f32; 2])], slot: impl Fn(&V) -> Slot) {
     let point = |(middle, half): (V, [f32; 2]), step: usize| {
         let (sin, cos) = (TAU * step as f32 / SIDES as f32).sin_cos();
-        (middle + V::new(half[0] * cos, 0.0, half[1] * sin), V::new(half[1] * cos, 0.0, half[0] * sin))
+        (
+            middle + V::new(half[0] * cos, 0.0, half[1] * sin),
+            V::new(half[1] * cos, 0.0, half[0] * sin),
+        )
     };
     let slope = |i: usize| {
         // How fast the skin widens upwards, for its normals.
