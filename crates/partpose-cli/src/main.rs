@@ -7,6 +7,7 @@ mod pose_flags;
 mod progress;
 mod report;
 mod scene_flags;
+mod side_by_side;
 
 use std::process::ExitCode;
 

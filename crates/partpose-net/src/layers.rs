@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::config::{HeadNorm, NormKind};
-use crate::ops::{self, ConvOptions, Normalised};
+use crate::ops::{self, ConvOptions, Normalised, Prepared};
 
 /// Share of the newest batch in the running statistics.
 const MOMENTUM: f32 = 0.05;
@@ -37,6 +37,9 @@ pub struct Conv {
     pub(crate) stride: usize,
     pub(crate) padding: usize,
     pub(crate) dilation: usize,
+    /// The weights in a faster form, in networks for inference only.
+    #[module(skip)]
+    prepared: Option<Prepared>,
 }
 
 /// Sizes of a convolution's parameters and steps; sizes are kept but for the stride.
@@ -114,6 +117,7 @@ impl<'a> Init<'a> {
             stride: sizes.stride,
             padding: sizes.size / 2 * sizes.dilation,
             dilation: sizes.dilation,
+            prepared: None,
         }
     }
 
@@ -176,7 +180,19 @@ impl Conv {
             relu,
         };
         let bias = self.bias.as_ref().map(Param::val);
-        ops::conv2d(input, self.weight.val(), bias, residual, options)
+        let weight = (self.weight.val(), self.prepared.clone());
+        ops::conv2d_prepared(input, weight, bias, residual, options)
+    }
+
+    /// For inference only: its weights must not change any more.
+    pub(crate) fn prepared(self) -> Self {
+        let [out, channels, height, width] = self.weight.val().dims();
+        let steps = ([height, width], self.stride, self.dilation);
+        let prepared = (steps == ([3, 3], 1, 1)).then(|| {
+            let weight = to_host(self.weight.val());
+            Prepared::new(&weight, [out, channels])
+        });
+        Self { prepared: prepared.flatten(), ..self }
     }
 }
 
@@ -231,7 +247,7 @@ pub(crate) fn conv_norm(
 pub(crate) fn fold(conv: Conv, norm: Option<Norm>) -> (Conv, Option<Norm>) {
     let norm = match norm {
         Some(norm) if norm.kind != NormKind::Group => norm,
-        other => return (conv, other),
+        other => return (conv.prepared(), other),
     };
     let device = conv.weight.val().device();
     let [out, channels, height, width] = conv.weight.val().dims();
@@ -249,7 +265,7 @@ pub(crate) fn fold(conv: Conv, norm: Option<Norm>) -> (Conv, Option<Norm>) {
     }
     let init = Init::new(&device, 0);
     let weight = init.values(weight, [out, channels, height, width]);
-    (Conv { weight, bias: Some(init.values(bias, [out])), ..conv }, None)
+    (Conv { weight, bias: Some(init.values(bias, [out])), ..conv }.prepared(), None)
 }
 
 /// A tensor's values.

@@ -18,9 +18,10 @@ mod vector;
 mod winograd;
 
 pub use attach::attach;
-pub use conv2d::{ConvOptions, conv2d};
+pub use conv2d::{ConvOptions, conv2d, conv2d_prepared};
 pub use linear::linear;
 pub use norm::{Normalised, batch_norm, fixed_norm, group_norm};
 pub use pool::{average, max_pool};
 pub use resize::{resize, upsample_add};
 pub use roi_align::read_regions;
+pub use winograd::Prepared;

@@ -52,6 +52,11 @@ impl RpnHead {
         }
     }
 
+    /// For inference only.
+    pub(crate) fn prepared(self) -> Self {
+        Self { conv: self.conv.prepared(), ..self }
+    }
+
     pub(crate) fn forward(&self, maps: &[Tensor<4>]) -> Vec<LevelOutput> {
         let level = |map: &Tensor<4>| {
             let x = self.conv.forward(map.clone(), None, true);

@@ -4,8 +4,6 @@ mod inputs;
 mod record;
 
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::sync_channel;
-use std::thread;
 
 use partpose::detection::Detection;
 use partpose::files::{self, RgbImage, read_photo};
@@ -21,11 +19,10 @@ use crate::commands::tracking::{self, TrackFlags};
 use crate::network::{EngineFlags, Network};
 use crate::progress;
 use crate::report::{Outcome, note, warn};
+use crate::side_by_side::side_by_side;
 
 /// Folder of the detections below the output.
 const DETECTIONS: &str = "detections";
-/// Images that may wait for their poses while the network goes on.
-const WAITING: usize = 4;
 
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -89,17 +86,17 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         || Fitter::new(&arguments.fit, &arguments.out, false),
     );
     let (network, fitter) = (network?, fitter?);
-    let mut detect = |image: &RgbImage| network.detect(image);
-    run_with(arguments, &inputs, (&network.identity, &mut detect), &fitter)
+    let detect = |image: &RgbImage| network.detect(image);
+    run_with(arguments, &inputs, (&network.identity, &detect), &fitter)
 }
 
 /// The detector: an image to what it shows.
-type Detect<'a> = &'a mut dyn FnMut(&RgbImage) -> anyhow::Result<Vec<Detection>>;
+type Detect<'a> = &'a (dyn Fn(&RgbImage) -> anyhow::Result<Vec<Detection>> + Sync);
 
 /// An image that the network has seen.
-struct Seen<'a> {
-    input: &'a Input,
+struct Seen {
     camera: Camera,
+    origin: Origin,
     image: RgbImage,
     found: Vec<Detection>,
 }
@@ -119,42 +116,31 @@ fn run_with(
     let (done, open): (Vec<&Input>, Vec<&Input>) =
         inputs.iter().partition(|input| arguments.resume && is_done(arguments, fitter, input));
     let bar = progress::bar("images", open.len() as u64);
-    let mut unreadable = 0;
-    let mut guesses = [0usize; 2];
-    let counts = thread::scope(|scope| {
-        let (send, receive) = sync_channel::<Seen>(WAITING);
-        let worker = scope.spawn(move || -> anyhow::Result<Counts> {
-            let mut counts = Counts::default();
-            for seen in receive {
-                counts.add(&finish(arguments, fitter, seen)?);
+    let looked = side_by_side(&open, |input| {
+        let seen = look(input, &cameras, arguments.min_score, detect);
+        let done = match seen {
+            Ok(seen) => Some((seen.origin, finish(arguments, fitter, input, seen)?)),
+            Err(error) => {
+                warn(format_args!("skipped `{}`: {error:#}", input.path.display()));
+                None
             }
-            Ok(counts)
-        });
-        for input in &open {
-            match look(input, &cameras, arguments.min_score, detect) {
-                Ok((seen, origin)) => {
-                    match origin {
-                        Origin::Given => {}
-                        Origin::Exif => guesses[0] += 1,
-                        Origin::FieldOfView => guesses[1] += 1,
-                    }
-                    // Nobody listens any more where writing has failed.
-                    if send.send(seen).is_err() {
-                        break;
-                    }
-                }
-                Err(error) => {
-                    warn(format_args!("skipped `{}`: {error:#}", input.path.display()));
-                    unreadable += 1;
-                }
-            }
-            bar.inc(1);
-        }
-        drop(send);
-        worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        bar.inc(1);
+        anyhow::Ok(done)
     });
     bar.finish_and_clear();
-    let counts = counts?;
+    let looked: Vec<Option<(Origin, Counts)>> = looked?;
+    let unreadable = looked.iter().filter(|done| done.is_none()).count();
+    let mut counts = Counts::default();
+    let mut guesses = [0usize; 2];
+    for (origin, of_image) in looked.into_iter().flatten() {
+        counts.add(&of_image);
+        match origin {
+            Origin::Given => {}
+            Origin::Exif => guesses[0] += 1,
+            Origin::FieldOfView => guesses[1] += 1,
+        }
+    }
     tell_guesses(arguments, guesses);
     follow(arguments, inputs, &cameras, fitter)?;
     if open.len() == unreadable && done.is_empty() {
@@ -203,22 +189,22 @@ fn tell(arguments: &Arguments, counts: &Counts, [done, kept, unreadable]: [usize
 }
 
 /// Reads an image and lets the network look at it.
-fn look<'a>(
-    input: &'a Input,
-    cameras: &Cameras,
-    min_score: f64,
-    detect: Detect,
-) -> anyhow::Result<(Seen<'a>, Origin)> {
+fn look(input: &Input, cameras: &Cameras, min_score: f64, detect: Detect) -> anyhow::Result<Seen> {
     let photo = read_photo(&input.path)?;
     let (camera, origin) = cameras.of(&input.path, &photo)?;
     let mut found = detect(&photo.image)?;
     found.retain(|found| found.score >= min_score);
-    Ok((Seen { input, camera, image: photo.image, found }, origin))
+    Ok(Seen { camera, origin, image: photo.image, found })
 }
 
 /// Writes the detections, finds the poses and writes them.
-fn finish(arguments: &Arguments, fitter: &Fitter, seen: Seen) -> anyhow::Result<Counts> {
-    let Seen { input, camera, image, found } = seen;
+fn finish(
+    arguments: &Arguments,
+    fitter: &Fitter,
+    input: &Input,
+    seen: Seen,
+) -> anyhow::Result<Counts> {
+    let Seen { camera, image, found, .. } = seen;
     let file = DetectionFile {
         images: vec![input.name.clone()],
         detections: found.iter().map(|found| (0, found.clone())).collect(),

@@ -7,6 +7,7 @@ use burn::Tensor;
 
 use super::apply::{Backwards, Kernel, Output, View, apply};
 use super::conv::{ConvShape, Finish, backward_bias, backward_input, backward_weight, forward};
+use super::winograd::{self, Prepared};
 
 /// How a convolution steps over its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,15 +39,29 @@ pub fn conv2d(
     residual: Option<Tensor<4>>,
     options: ConvOptions,
 ) -> Tensor<4> {
+    conv2d_prepared(input, (weight, None), bias, residual, options)
+}
+
+/// The same with weights that may have been prepared, which must be those of `weight`; no gradient may be asked for then.
+pub fn conv2d_prepared(
+    input: Tensor<4>,
+    (weight, prepared): (Tensor<4>, Option<Prepared>),
+    bias: Option<Tensor<1>>,
+    residual: Option<Tensor<4>>,
+    options: ConvOptions,
+) -> Tensor<4> {
     assert!(bias.is_some() || residual.is_none(), "a residual without a bias");
     let mut inputs = vec![input.into_dispatch(), weight.into_dispatch()];
     inputs.extend(bias.map(Tensor::into_dispatch));
     inputs.extend(residual.map(Tensor::into_dispatch));
-    apply(&Arc::new(Convolution(options)), inputs)
+    apply(&Arc::new(Convolution { options, prepared }), inputs)
 }
 
 #[derive(Debug)]
-struct Convolution(ConvOptions);
+struct Convolution {
+    options: ConvOptions,
+    prepared: Option<Prepared>,
+}
 
 impl Convolution {
     /// Sizes; wrong ones are a bug of the network.
@@ -60,9 +75,9 @@ impl Convolution {
             out_channels,
             in_size: [height, width],
             kernel: [kernel_height, kernel_width],
-            stride: [self.0.stride; 2],
-            padding: [self.0.padding; 2],
-            dilation: self.0.dilation,
+            stride: [self.options.stride; 2],
+            padding: [self.options.padding; 2],
+            dilation: self.options.dilation,
         }
     }
 }
@@ -73,11 +88,16 @@ impl Kernel for Convolution {
         let finish = Finish {
             bias: inputs.get(2).map(|bias| bias.values),
             residual: inputs.get(3).map(|residual| residual.values),
-            relu: self.0.relu,
+            relu: self.options.relu,
         };
         let [height, width] = s.out_size();
         Output {
-            values: forward(inputs[0].values, inputs[1].values, finish, &s),
+            values: match &self.prepared {
+                Some(weights) if winograd::suits_prepared(&s) => {
+                    winograd::forward_prepared(inputs[0].values, weights, finish, &s)
+                }
+                _ => forward(inputs[0].values, inputs[1].values, finish, &s),
+            },
             shape: vec![s.batch, s.out_channels, height, width],
             saved: Vec::new(),
         }
@@ -86,7 +106,7 @@ impl Kernel for Convolution {
     fn backward(&self, state: &Backwards<'_>) -> Vec<Option<Vec<f32>>> {
         let s = self.shape(&state.inputs);
         let [input, weight] = [&state.inputs[0], &state.inputs[1]].map(|view| view.values);
-        let gradient = masked(state.gradient, state.output, self.0.relu);
+        let gradient = masked(state.gradient, state.output, self.options.relu);
         let wanted = |i: usize| state.wanted.get(i) == Some(&true);
         let mut gradients = vec![
             wanted(0).then(|| backward_input(&gradient, weight, &s)),

@@ -6,6 +6,8 @@
 //! weights is the transpose of these steps. Rounding errors are some ten times those of the plain sum, about 1e-5 of the
 //! largest value.
 
+use std::sync::Arc;
+
 use partpose_kernels::{Matrix, MatrixMut, multiply};
 use rayon::prelude::*;
 
@@ -35,19 +37,51 @@ const GAP: usize = 16;
 const PIECES: usize = 4;
 /// Weights from which their gradient is summed in two pieces instead of four: clearing and adding them costs time too.
 const MANY_WEIGHTS: usize = 16_000;
-/// Tiles from which transforming the weights pays.
+/// Tiles from which transforming the weights pays, and from which using transformed ones does.
 const LEAST_TILES: usize = 40;
+const LEAST_TILES_PREPARED: usize = 12;
 /// Channels from which transforming tiles pays.
 const LEAST_CHANNELS: usize = 24;
 
+/// Weights of a convolution in the form that products are taken in, `[out_channels, 36, in_channels]`, for networks whose
+/// weights stay: making them takes longer than using them where there are few tiles.
+#[derive(Clone, Debug)]
+pub struct Prepared(Arc<Vec<f32>>);
+
+impl Prepared {
+    /// `weight`: `[out_channels, in_channels, 3, 3]`, used with stride and dilation 1; `None` where this way does not pay.
+    pub fn new(weight: &[f32], [out_channels, in_channels]: [usize; 2]) -> Option<Self> {
+        let pays = has_channels([out_channels, in_channels])
+            && weight.len() == 9 * in_channels * out_channels;
+        pays.then(|| Self(Arc::new(transform_weights(weight, in_channels))))
+    }
+}
+
 /// Whether this way suits a convolution.
 pub(super) fn suits(s: &ConvShape) -> bool {
-    let [rows, columns] = tiles(s);
+    is_possible(s) && count(s) >= LEAST_TILES
+}
+
+/// Whether it does with weights that are prepared.
+pub(super) fn suits_prepared(s: &ConvShape) -> bool {
+    is_possible(s) && count(s) >= LEAST_TILES_PREPARED
+}
+
+fn is_possible(s: &ConvShape) -> bool {
     s.kernel == [3, 3]
         && s.stride == [1, 1]
         && s.dilation == 1
-        && s.batch * rows * columns >= LEAST_TILES
-        && s.in_channels.min(s.out_channels) >= LEAST_CHANNELS
+        && has_channels([s.out_channels, s.in_channels])
+}
+
+fn has_channels(channels: [usize; 2]) -> bool {
+    channels.iter().all(|count| *count >= LEAST_CHANNELS)
+}
+
+/// Tiles of all images.
+fn count(s: &ConvShape) -> usize {
+    let [rows, columns] = tiles(s);
+    s.batch * rows * columns
 }
 
 /// `[batch, out_channels, out height, out width]`.
@@ -57,7 +91,20 @@ pub(super) fn forward(
     finish: Finish<'_>,
     s: &ConvShape,
 ) -> Vec<f32> {
-    let weights = transform_weights(weight, s);
+    multiplied(input, &transform_weights(weight, s.in_channels), finish, s)
+}
+
+/// The same with weights that are prepared.
+pub(super) fn forward_prepared(
+    input: &[f32],
+    weights: &Prepared,
+    finish: Finish<'_>,
+    s: &ConvShape,
+) -> Vec<f32> {
+    multiplied(input, &weights.0, finish, s)
+}
+
+fn multiplied(input: &[f32], weights: &[f32], finish: Finish<'_>, s: &ConvShape) -> Vec<f32> {
     let [height, width] = s.out_size();
     let area = height * width;
     let mut output = vec![0.0; s.batch * s.out_channels * area];
@@ -69,6 +116,8 @@ pub(super) fn forward(
         })
         .collect();
     let blocks = blocks(s);
+    // Where blocks are few, threads share the points of each instead.
+    let are_few = blocks.len() < PIECES;
     let mut work: Vec<(&Block, Vec<MatrixMut<'_>>)> = Vec::new();
     for block in blocks.iter().rev() {
         work.push((block, targets.split_off(targets.len() - block.pieces.len())));
@@ -79,7 +128,7 @@ pub(super) fn forward(
         transform_tiles::<true>(input, s, block, tiles, inputs);
         let step = s.out_channels * columns + GAP;
         outputs.resize(POINTS * step, 0.0);
-        for (point, product) in outputs.chunks_mut(step).enumerate() {
+        let product = |(point, product): (usize, &mut [f32])| {
             let weights = Matrix {
                 data: &weights[point * s.in_channels..],
                 size: [s.out_channels, s.in_channels],
@@ -90,6 +139,11 @@ pub(super) fn forward(
             let product = &mut product[..s.out_channels * columns];
             let mut product = MatrixMut::dense(product, [s.out_channels, columns]);
             multiply(&mut product, weights, inputs, false);
+        };
+        if are_few {
+            outputs.par_chunks_mut(step).enumerate().for_each(product);
+        } else {
+            outputs.chunks_mut(step).enumerate().for_each(product);
         }
         vector::dispatch(Back { outputs, targets: &mut targets, block, finish, s, tiles });
     });
@@ -252,6 +306,8 @@ mod tests {
             let finish = Finish { bias: Some(&bias), residual: Some(&gradient), relu: true };
             let expected = conv::forward_plain(&input, &weight, finish, &s);
             check(&forward(&input, &weight, finish, &s), &expected);
+            let prepared = Prepared::new(&weight, [s.out_channels, s.in_channels]).unwrap();
+            check(&forward_prepared(&input, &prepared, finish, &s), &expected);
             let expected = conv::backward_weight_plain(&input, &gradient, &s);
             check(&backward_weight(&input, &gradient, &s), &expected);
         }

@@ -1,5 +1,6 @@
 //! Where the detections that are scored come from: files, a network, or the ground truth.
 
+use std::convert::Infallible;
 use std::path::PathBuf;
 
 use anyhow::Context;
@@ -16,6 +17,7 @@ use crate::commands::detection_files::{self, DetectionIndex};
 use crate::network::{EngineFlags, Network};
 use crate::progress;
 use crate::report::{hint, warn};
+use crate::side_by_side::side_by_side;
 
 /// Frames that are worked on at once; more would only fill the memory.
 const CHUNK: usize = 32;
@@ -132,9 +134,10 @@ impl Source {
                 .iter()
                 .map(|frame| Ok(index.of_frame(frame)?.map(<[Detection]>::to_vec)))
                 .collect(),
-            // One after the other: a network keeps all cores busy with each.
             Kind::Network(network) => {
-                frames.iter().map(|frame| of_network(network, frame).map(Some)).collect()
+                let look = |frame: &Frame| Ok(of_network(network, frame).map(Some));
+                let Ok(found) = side_by_side::<_, _, Infallible>(frames, look);
+                found
             }
             Kind::Oracle(options) => {
                 let frames: Vec<_> = frames.iter().zip(oracles).collect();

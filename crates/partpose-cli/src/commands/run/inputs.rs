@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
+use glob::{MatchOptions, glob_with};
 use partpose::files::FileError;
 use partpose::labeling::Shard;
 
@@ -72,8 +73,8 @@ fn expand(text: &str, paths: &mut BTreeSet<PathBuf>) -> anyhow::Result<()> {
         }
     } else if path.exists() {
         found.insert(absolute(path));
-    } else if text.contains(['*', '?']) {
-        matching(path, &mut found)?;
+    } else if text.contains(['*', '?', '[']) {
+        matching(text, &mut found)?;
         if found.is_empty() {
             anyhow::bail!("no image matches `{text}`");
         }
@@ -122,69 +123,23 @@ fn search(folder: &Path, depth: usize, paths: &mut BTreeSet<PathBuf>) -> Result<
     Ok(())
 }
 
-/// The files that a pattern means: `*` and `?` stand for any characters and any one within a name.
-fn matching(pattern: &Path, paths: &mut BTreeSet<PathBuf>) -> Result<(), FileError> {
-    let mut found: Vec<PathBuf> = vec![PathBuf::new()];
-    for part in pattern.components() {
-        let text = part.as_os_str().to_string_lossy();
-        if !matches!(part, Component::Normal(_)) || !text.contains(['*', '?']) {
-            for path in &mut found {
-                path.push(part);
-            }
-            found.retain(|path| path.as_os_str() == ".." || path.exists());
-            continue;
-        }
-        let mut next = Vec::new();
-        for folder in &found {
-            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-            if !folder.is_dir() {
-                continue;
-            }
-            let fits = |path: &PathBuf| {
-                path.file_name().is_some_and(|name| is_match(&text, &name.to_string_lossy()))
-            };
-            next.extend(entries(folder)?.into_iter().filter(fits));
-        }
-        found = next;
-    }
+/// The files that a pattern means: `*`, `?` and `[0-9]` within a name, `**` for any folders; hidden ones must be named.
+fn matching(pattern: &str, paths: &mut BTreeSet<PathBuf>) -> anyhow::Result<()> {
+    let options = MatchOptions { require_literal_leading_dot: true, ..MatchOptions::new() };
+    let found = glob_with(pattern, options)
+        .map_err(|error| anyhow::anyhow!("the pattern `{pattern}` is wrong: {}", error.msg))?;
     for path in found {
+        let path = path.map_err(|error| {
+            let place = error.path().to_owned();
+            FileError::read(&place, error.into())
+        })?;
         if path.is_dir() {
             search(&path, DEEPEST, paths)?;
-        } else if path.is_file() {
+        } else {
             paths.insert(absolute(&path));
         }
     }
     Ok(())
-}
-
-/// Whether a name fits a pattern.
-fn is_match(pattern: &str, name: &str) -> bool {
-    let (pattern, name): (Vec<char>, Vec<char>) =
-        (pattern.chars().collect(), name.chars().collect());
-    let (mut p, mut n) = (0, 0);
-    // Where the last star stands, and what it has taken so far.
-    let mut star: Option<(usize, usize)> = None;
-    while n < name.len() {
-        match pattern.get(p) {
-            Some('*') => {
-                star = Some((p, n));
-                p += 1;
-            }
-            Some(wanted) if *wanted == '?' || *wanted == name[n] => {
-                p += 1;
-                n += 1;
-            }
-            _ => match star {
-                Some((at, taken)) => {
-                    star = Some((at, taken + 1));
-                    p = at + 1;
-                    n = taken + 1;
-                }
-                None => return false,
-            },
-        }
-    }
-    pattern[p..].iter().all(|rest| *rest == '*')
 }
 
 /// The deepest folder that holds all files.
@@ -200,21 +155,6 @@ fn common_folder(paths: &[PathBuf]) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn stars_and_question_marks_stand_for_characters() {
-        for (pattern, name, fits) in [
-            ("*.png", "a.png", true),
-            ("*.png", "a.jpg", false),
-            ("a?c", "abc", true),
-            ("a?c", "ac", false),
-            ("*a*b*", "xxaxxabyy", true),
-            ("*", "", true),
-            ("a*", "ba", false),
-        ] {
-            assert_eq!(is_match(pattern, name), fits, "{pattern} {name}");
-        }
-    }
 
     fn folder() -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
@@ -239,6 +179,8 @@ mod tests {
         let all = ["a/1.png", "b/1.JPG", "b/2.png"];
         assert_eq!(names(folder.path(), &["."], None), all);
         assert_eq!(names(folder.path(), &["*/?.*"], None), all);
+        assert_eq!(names(folder.path(), &["*/[12].*"], None), all);
+        assert_eq!(names(folder.path(), &["**/*.[pJ]*"], None), all);
         assert_eq!(names(folder.path(), &["b/2.png"], None), ["2.png"]);
         assert_eq!(names(folder.path(), &["b/2.png", "b", "b/*.png"], None), ["1.JPG", "2.png"]);
     }
@@ -255,7 +197,7 @@ mod tests {
     fn what_names_no_image_is_an_error() {
         let folder = folder();
         let wanted = |text: &str| vec![folder.path().join(text).display().to_string()];
-        for nothing in ["c", "*.png", "a/?"] {
+        for nothing in ["c", "*.png", "a/?", "a/[", "***"] {
             assert!(collect(&wanted(nothing), None).is_err(), "{nothing}");
         }
         fs::create_dir(folder.path().join("empty")).unwrap();

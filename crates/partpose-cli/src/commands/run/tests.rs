@@ -1,5 +1,7 @@
 use super::*;
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use clap::Parser;
 use partpose::files::write_png;
 use partpose::formats::read_detections;
@@ -19,9 +21,9 @@ fn run_in(folder: &Path, more: &[&str]) -> (anyhow::Result<Outcome>, usize) {
     let typed = ["run", &images, "--out", &out].into_iter().chain(more.iter().copied());
     let arguments = Typed::parse_from(typed).arguments;
     let inputs = inputs::collect(&arguments.images, arguments.shard).unwrap();
-    let mut calls = 0;
-    let mut detect = |image: &RgbImage| {
-        calls += 1;
+    let calls = AtomicUsize::new(0);
+    let detect = |image: &RgbImage| {
+        calls.fetch_add(1, Ordering::Relaxed);
         let [width, height] = image.size.map(f64::from);
         let mut values = vec![0.0; CHANNELS * 4];
         values[4 * 5..4 * 6].fill(1.0);
@@ -33,8 +35,8 @@ fn run_in(folder: &Path, more: &[&str]) -> (anyhow::Result<Outcome>, usize) {
     };
     let fitter = Fitter::new(&arguments.fit, &arguments.out, false);
     let outcome =
-        fitter.and_then(|fitter| run_with(&arguments, &inputs, ("test", &mut detect), &fitter));
-    (outcome, calls)
+        fitter.and_then(|fitter| run_with(&arguments, &inputs, ("test", &detect), &fitter));
+    (outcome, calls.into_inner())
 }
 
 fn folder() -> tempfile::TempDir {

@@ -6,14 +6,12 @@
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::super::conv::ConvShape;
 use super::super::vector;
 use super::{IN, LANES, POINTS};
 
 /// `[out_channels, 36, in_channels]`.
-pub(super) fn transform_weights(weight: &[f32], s: &ConvShape) -> Vec<f32> {
-    let channels = s.in_channels;
-    let mut result = vec![0.0; s.out_channels * POINTS * channels];
+pub(super) fn transform_weights(weight: &[f32], channels: usize) -> Vec<f32> {
+    let mut result = vec![0.0; weight.len() / 9 * POINTS];
     let outs = result.par_chunks_mut(POINTS * channels).zip(weight.par_chunks(9 * channels));
     outs.for_each_init(Vec::new, |taps, (points, kernels)| {
         vector::dispatch(KernelsForth { kernels, taps, points });
