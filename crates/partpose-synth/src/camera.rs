@@ -29,7 +29,7 @@ pub struct CameraEffects {
     pub tint: f32,
     /// 0 clips highlights hard, 1 rolls them off like film.
     pub shoulder: f32,
-    /// Steepness of the tone curve in the middle; 0 for none, 1 is as hard as cameras for machines are set.
+    /// Steepness of the tone curve in the middle; 0 for none, 1 to 1.5 is as hard as cameras for machines are set.
     pub contrast: f32,
     /// Linear value below which all is black.
     pub black: f32,
@@ -91,7 +91,7 @@ impl CameraEffects {
             if rng.random_bool(share) { value } else { 0.0 }
         };
         let drops = if rain > 0.0 { rng.random_range(0.0..40.0 * rain) as u32 } else { 0 };
-        Self {
+        let camera = Self {
             exposure: rng.random_range(-0.6..0.7),
             white_balance: rng.random_range(0.35..1.0),
             warmth: rng.random_range(-0.12..0.12),
@@ -110,6 +110,18 @@ impl CameraEffects {
             drops,
             rain,
             jpeg: rng.random_bool(0.4).then(|| rng.random_range(55..96)),
+        };
+        if !rng.random_bool(0.35) {
+            return camera;
+        }
+        // As cameras for machines often are, those of KITTI too: black shadows, skies clipped to white, coloured edges.
+        Self {
+            exposure: rng.random_range(-0.1..0.6),
+            shoulder: rng.random_range(0.0..0.15),
+            contrast: rng.random_range(0.9..1.5),
+            black: rng.random_range(0.008..0.03),
+            aberration: rng.random_range(0.5..1.7),
+            ..camera
         }
     }
 }

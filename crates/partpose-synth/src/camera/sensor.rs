@@ -120,7 +120,7 @@ fn curve(effects: &CameraEffects) -> Vec<f32> {
             1.055 * value.powf(1.0 / 2.4) - 0.055
         };
         let s = coded * coded * (3.0 - 2.0 * coded);
-        coded + effects.contrast * (s - coded)
+        (coded + effects.contrast * (s - coded)).max(0.0)
     };
     (0..TABLE).map(step).collect()
 }

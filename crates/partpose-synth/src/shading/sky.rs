@@ -3,7 +3,8 @@
 //! Clear: A. Preetham, P. Shirley and B. Smits: *A Practical Analytic Model for Daylight*, SIGGRAPH 1999; the sun's
 //! colour from the same paper's extinction by molecules, aerosol and ozone. Overcast: the CIE's overcast sky (Moon and
 //! Spencer 1942), with the illuminance that Krochmann and Seidl give for the height of the sun. Clouds are noise on a
-//! plane, lit white. Unit: 1 is the radiance of a white surface that a sun of 100 klx shines on at right angles.
+//! plane, of four kinds from veils of ice to broken cover; what is thicker towards the sun shades what lies behind it.
+//! Unit: 1 is the radiance of a white surface that a sun of 100 klx shines on at right angles.
 
 use nalgebra::Vector3;
 
@@ -34,7 +35,31 @@ pub(crate) struct Sky {
     /// Perez' function at the zenith.
     at_zenith: [f32; 3],
     seed: u32,
+    clouds: Clouds,
 }
+
+/// What clouds look like.
+#[derive(Clone, Copy, Debug)]
+struct Clouds {
+    /// Blotches a unit of the plane along x and z.
+    scale: [f32; 2],
+    /// How far a slow noise bends them.
+    bend: f32,
+    /// Noise above which there is a cloud, and how fast it becomes dense.
+    low: f32,
+    edge: f32,
+    /// How much thickness towards the sun shades.
+    relief: f32,
+    opacity: f32,
+}
+
+/// Veils in streaks, fair-weather heaps, large heaps, broken cover.
+const CLOUDS: [Clouds; 4] = [
+    Clouds { scale: [0.35, 1.6], bend: 1.5, low: 0.46, edge: 2.6, relief: 0.5, opacity: 0.6 },
+    Clouds { scale: [1.5, 1.5], bend: 0.8, low: 0.57, edge: 7.0, relief: 3.0, opacity: 0.95 },
+    Clouds { scale: [0.8, 0.8], bend: 1.0, low: 0.54, edge: 7.0, relief: 3.0, opacity: 0.97 },
+    Clouds { scale: [1.1, 1.4], bend: 1.2, low: 0.43, edge: 4.0, relief: 2.2, opacity: 0.95 },
+];
 
 impl Sky {
     pub(crate) fn new(light: &Light) -> Self {
@@ -93,7 +118,8 @@ impl Sky {
         let seed =
             noise::mix(light.to_sun.x.to_bits() as u32 ^ (light.turbidity.to_bits() >> 20) as u32);
         let at_zenith = perez.map(|coefficients| distribution(coefficients, 1.0, theta, height));
-        Self { to_sun, sun, overcast, grey, zenith, perez, at_zenith, seed }
+        let clouds = CLOUDS[(noise::mix(seed) >> 8) as usize % CLOUDS.len()];
+        Self { to_sun, sun, overcast, grey, zenith, perez, at_zenith, seed, clouds }
     }
 
     /// Radiance from a direction (y down), without the sun's disc; what lies below the horizon is as the horizon.
@@ -134,15 +160,29 @@ impl Sky {
         // On a plane, 1 unit high.
         let [x, z] = [direction.x / (up + 0.08), direction.z / (up + 0.08)];
         let footprint = 0.004 / (up * up + 0.002);
-        let value = noise::fractal(1.3 * x, 1.3 * z, 6, footprint, self.seed);
-        let low = 0.56 - 0.12 * self.overcast;
-        let share = ((value - low) * 5.0).clamp(0.0, 1.0);
+        let clouds = &self.clouds;
+        let density = |x: f32, z: f32, octaves: u32| {
+            let [along, across] = clouds.scale;
+            let bend =
+                clouds.bend * (noise::fractal(0.7 * x, 0.7 * z, 2, 0.0, self.seed ^ 1) - 0.5);
+            let [x, z] = [along * x + bend, across * z + bend];
+            noise::fractal(x, z, octaves, footprint * across, self.seed)
+        };
+        let value = density(x, z, 7);
+        let low = clouds.low - 0.12 * self.overcast;
+        let share = ((value - low) * clouds.edge).clamp(0.0, 1.0);
         let share = share * share * (3.0 - 2.0 * share) * (up * 12.0).min(1.0);
+        if share <= 0.0 {
+            return sky;
+        }
         let thick = ((value - low) * 2.2).clamp(0.0, 1.0);
-        // Towards the sun clouds are bright at their edges, away from it all over.
-        let lit = self.sun * (0.34 - 0.16 * thick);
+        // Sides towards the sun are bright, those away from it in the shade of the rest.
+        let to_sun = self.to_sun * (0.16 / self.to_sun.xz().norm().max(0.2));
+        let before = density(x + to_sun.x, z + to_sun.z, 4);
+        let shaded = (0.5 + clouds.relief * (before - value)).clamp(0.0, 1.0);
+        let lit = self.sun * (0.62 - 0.34 * shaded - 0.14 * thick);
         let shade = 0.5 * (1.0 - self.overcast) + (1.12 - 0.45 * thick) * self.overcast;
-        sky.lerp(&(lit + sky * shade), 0.85 * share)
+        sky.lerp(&(lit + sky * shade), clouds.opacity * share)
     }
 
     /// The sun's disc with its glow, in a direction.

@@ -49,6 +49,8 @@ pub(super) fn local(material: &Material, [u, v]: [f32; 2], footprint: f32) -> Lo
             let own = if seen > 0.0 { leaves::shade(u, v, size) - 0.5 } else { 0.0 };
             let clump = fractal(u / 0.6, v / 0.6, 2, footprint / 0.6, 5) - 0.5;
             local.color *= 1.0 + 0.9 * own * seen + 0.7 * clump;
+            // Young and dry leaves are yellower than others.
+            local.color.x *= 1.0 + 0.7 * clump + 0.5 * own * seen;
         }
         Texture::Grass => {
             let fine = fractal(u * 14.0, v * 14.0, 3, footprint * 14.0, 7);
@@ -93,9 +95,10 @@ fn asphalt(local: &mut Local, u: f32, v: f32, footprint: f32) {
     let broad = smooth(u * 0.06, v * 0.21, 14) - 0.5;
     // Wheels polish two tracks of every lane of 3.5 m.
     let tracks = (std::f32::consts::TAU * v / 1.75).cos();
-    let shade = 1.0 + 0.55 * grain + 0.35 * stones + 0.42 * patches + 0.34 * broad - 0.055 * tracks;
+    let shade = 1.0 + 0.75 * grain + 0.5 * stones + 0.42 * patches + 0.34 * broad - 0.055 * tracks;
     local.color *= shade.max(0.3);
     local.roughness = (local.roughness - 0.12 * patches - 0.05 * tracks).clamp(0.2, 1.0);
+    stains(local, [u, v], footprint);
     // Cracks run where a slow noise passes its mean, and only in some regions.
     if footprint < 0.08 {
         let region = smooth(u * 0.08 + 9.0, v * 0.08, 16);
@@ -106,6 +109,18 @@ fn asphalt(local: &mut Local, u: f32, v: f32, footprint: f32) {
         let width = 0.006 + footprint * 0.4;
         let line = (1.0 - slow.abs() / width).clamp(0.0, 1.0) * ((region - 0.55) * 6.0).min(1.0);
         local.color *= 1.0 - 0.55 * line * (0.012 / width).min(1.0);
+    }
+}
+
+/// Drips of oil, spilt things and trodden gum: round dark spots here and there.
+fn stains(local: &mut Local, [u, v]: [f32; 2], footprint: f32) {
+    let seen = sharpness(footprint, 0.12);
+    // In some places many, in most none.
+    let many = if seen > 0.0 { (smooth(0.16 * u, 0.5 * v, 18) - 0.5) * 4.0 } else { 0.0 };
+    if many > 0.0 {
+        let spot =
+            ((fractal(3.3 * u, 4.6 * v, 2, 4.0 * footprint, 17) - 0.70) * 6.0).clamp(0.0, 1.0);
+        local.color *= 1.0 - 0.32 * seen * spot * many.min(1.0);
     }
 }
 

@@ -3,10 +3,10 @@
 use super::buildings::{barrier, wall};
 use super::furniture::{
     bin, bollard, concrete_barrier, delineator, gantry, guard_rail, lamp_post, sign, signboard,
-    traffic_light,
+    traffic_light, wire, wire_post,
 };
 use super::heavy::heavy;
-use super::people::{cyclist, pedestrian};
+use super::people::{bicycle, cyclist, pedestrian};
 use super::plants::{Species, bush, hedge, tree, tuft};
 use super::random::hash;
 use super::stuff::Prop;
@@ -26,11 +26,15 @@ pub(crate) struct Catalog {
     pub(crate) bins: Vec<Prop>,
     pub(crate) people: Vec<Prop>,
     pub(crate) cyclists: Vec<Prop>,
+    pub(crate) bicycles: Vec<Prop>,
     pub(crate) heavies: Vec<Prop>,
     /// Red, then green; without arm, with arm.
     pub(crate) lights: [Prop; 4],
     pub(crate) lamp_post: Prop,
     pub(crate) tall_lamp_post: Prop,
+    /// 1 m long along z: one that is taut, and one that sags.
+    pub(crate) wires: [Prop; 2],
+    pub(crate) wire_post: Prop,
     pub(crate) bollard: Prop,
     pub(crate) delineator: Prop,
     pub(crate) guard_rail: Prop,
@@ -60,11 +64,14 @@ impl Catalog {
             bins: some(6, |i| bin(own(9, i))),
             people: some(14, |i| pedestrian(own(10, i))),
             cyclists: some(6, |i| cyclist(own(11, i))),
+            bicycles: some(3, |i| bicycle(own(14, i))),
             heavies: some(10, |i| heavy(own(12, i))),
             lights: [(0, false), (2, false), (0, true), (2, true)]
                 .map(|(lit, arm)| traffic_light(lit, arm)),
             lamp_post: lamp_post(6.5),
             tall_lamp_post: lamp_post(10.0),
+            wires: [wire(0.04, 0.009), wire(0.9, 0.011)],
+            wire_post: wire_post(),
             bollard: bollard(),
             delineator: delineator(),
             guard_rail: guard_rail(),

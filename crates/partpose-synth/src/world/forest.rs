@@ -3,6 +3,7 @@
 use rand::RngExt;
 
 use super::plan::LANE;
+use super::random::hash;
 use super::site::{ASPHALT, GRASS, GRAVEL, PAINT, PATCH, SOIL, Site, hills, level};
 use super::street::{Strip, dashes, flat};
 use crate::scene::SegmentClass;
@@ -19,6 +20,7 @@ pub(crate) fn furnish(site: &mut Site, clear: f64) {
     let lift = hills(edge + 1.5, 2.0);
     ground(site, range, edge, &lift);
     markings(site, range, edge);
+    wires(site, edge);
     let mut rng = site.random(0x10);
     let catalog = site.catalog;
     let rail = rng.random_range(0..5);
@@ -76,6 +78,21 @@ pub(crate) fn furnish(site: &mut Site, clear: f64) {
             let sign = &catalog.signs[rng.random_range(0..catalog.signs.len())];
             site.put(sign, [range[0] + 21.0, side * (edge + 1.1), 0.0], turn, 1.0);
         }
+    }
+}
+
+/// Posts with two wires along one side of the road, on some roads.
+fn wires(site: &mut Site, edge: f64) {
+    let own = hash(site.seed, &[0x74]);
+    if own.is_multiple_of(3) {
+        return;
+    }
+    let right = if own & 8 == 0 { edge + 3.2 } else { -edge - 3.2 };
+    let catalog = site.catalog;
+    let [from, to] = site.range;
+    site.put(&catalog.wire_post, [from, right, 0.0], 0.0, 1.0);
+    for beside in [-0.7, 0.7] {
+        site.span(&catalog.wires[1], [from, to].map(|s| [s, right + beside, 7.7]));
     }
 }
 

@@ -18,6 +18,32 @@ pub(crate) fn lamp_post(height: f32) -> Prop {
     Prop { mesh: shape.finish(), materials, class: SegmentClass::Pole }
 }
 
+/// A wire that hangs between two points 1 m apart along z, at its own height; `sag` metres in the middle.
+pub(crate) fn wire(sag: f32, radius: f32) -> Prop {
+    let mut shape = Shape::default();
+    let at = |i: i32| {
+        let z = i as f32 / 8.0 - 0.5;
+        p(0.0, sag * (1.0 - 4.0 * z * z), z)
+    };
+    for i in 0..8 {
+        shape.tube([at(i), at(i + 1)], [radius; 2], 4, 0);
+    }
+    let materials = [smooth([0.02, 0.02, 0.02], 0.6)].into();
+    Prop { mesh: shape.finish(), materials, class: SegmentClass::Pole }
+}
+
+/// A wooden post with a crossbar for wires, 7.5 m high.
+pub(crate) fn wire_post() -> Prop {
+    let mut shape = Shape::default();
+    shape.tube([p(0.0, 0.4, 0.0), p(0.0, -7.8, 0.0)], [0.14, 0.10], 8, 0);
+    shape.block(p(-0.8, -7.55, -0.05), p(0.8, -7.43, 0.05), 0);
+    for x in [-0.7, 0.7] {
+        shape.tube([p(x, -7.55, 0.0), p(x, -7.7, 0.0)], [0.03, 0.03], 6, 1);
+    }
+    let materials = [noisy([0.12, 0.09, 0.065], [0.07, 0.055, 0.04], 0.4), matt([0.4, 0.3, 0.2])];
+    Prop { mesh: shape.finish(), materials: materials.into(), class: SegmentClass::Pole }
+}
+
 /// A post as they keep cars off pavements.
 pub(crate) fn bollard() -> Prop {
     let mut shape = Shape::default();

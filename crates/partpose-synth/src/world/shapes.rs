@@ -136,6 +136,48 @@ impl Shape {
         }
     }
 
+    /// A smooth body through level rings: middle, half the width along x and half the depth along z of each, from the lowest
+    /// up or down; closed at both ends.
+    pub(crate) fn loft(&mut self, rings: &[(P, [f32; 2])], sides: u32, material: u16) {
+        let (Some(start), Some(end)) = (rings.first(), rings.last()) else { return };
+        let first = self.mesh.vertices.len() as u32;
+        for (i, (center, half)) in rings.iter().enumerate() {
+            let (before, after) = (rings[i.saturating_sub(1)], rings[(i + 1).min(rings.len() - 1)]);
+            let rise = (before.0.y - after.0.y).abs().max(1e-4);
+            let up = (before.0.y - after.0.y).signum();
+            for side in 0..=sides {
+                let (s, c) = (TAU * side as f32 / sides as f32).sin_cos();
+                // Where the body grows wider upwards its side looks down.
+                let grows = (after.1[0] - before.1[0]) * c * c + (after.1[1] - before.1[1]) * s * s;
+                let out = V::new(c / half[0].max(1e-3), 0.0, s / half[1].max(1e-3)).normalize();
+                let normal = (out + V::y() * (up * grows / rise)).normalize();
+                let at = center + V::new(half[0] * c, 0.0, half[1] * s);
+                self.vertex(at, normal, [half[0] * TAU * side as f32 / sides as f32, center.y]);
+            }
+        }
+        let row = sides + 1;
+        for ring in 0..rings.len() as u32 - 1 {
+            for side in 0..sides {
+                let a = first + ring * row + side;
+                let out = self.mesh.normals[a as usize] + self.mesh.normals[(a + row + 1) as usize];
+                self.outward([a, a + 1, a + row + 1], out, material);
+                self.outward([a, a + row + 1, a + row], out, material);
+            }
+        }
+        let up = (start.0.y - end.0.y).signum();
+        for ((center, half), out) in [(start, V::y() * up), (end, -V::y() * up)] {
+            let middle = self.mesh.vertices.len() as u32;
+            self.vertex(*center, out, [0.0; 2]);
+            for side in 0..=sides {
+                let (s, c) = (TAU * side as f32 / sides as f32).sin_cos();
+                self.vertex(center + V::new(half[0] * c, 0.0, half[1] * s), out, [half[0], 0.0]);
+            }
+            for side in 0..sides {
+                self.outward([middle, middle + 1 + side, middle + 2 + side], out, material);
+            }
+        }
+    }
+
     /// An ellipsoid with axes along those of the frame.
     pub(crate) fn ellipsoid(&mut self, center: P, radii: V, rings: u32, material: u16) {
         let sides = 2 * rings;
@@ -235,5 +277,15 @@ mod tests {
         let mut ball = Shape::default();
         ball.ellipsoid(p(1.0, 1.0, 1.0), V::new(0.3, 0.5, 0.2), 6, 0);
         check_outward(ball, p(1.0, 1.0, 1.0));
+        for turn in [-1.0, 1.0] {
+            let mut body = Shape::default();
+            let ring = |y: f32, half: [f32; 2]| (p(0.0, turn * y, 0.0), half);
+            body.loft(
+                &[ring(0.0, [0.1, 0.2]), ring(0.5, [0.3, 0.25]), ring(1.0, [0.05, 0.1])],
+                8,
+                0,
+            );
+            check_outward(body, p(0.0, 0.5 * turn, 0.0));
+        }
     }
 }

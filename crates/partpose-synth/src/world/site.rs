@@ -29,9 +29,9 @@ pub(crate) const GRAVEL: u16 = 8;
 pub(crate) fn grounds() -> [Material; 9] {
     let asphalt = |color: [f32; 3]| textured(color, Texture::Asphalt);
     [
-        asphalt([0.105, 0.105, 0.108]),
-        Material { roughness: 0.7, ..noisy([0.62, 0.62, 0.60], [0.34, 0.34, 0.33], 0.35) },
-        asphalt([0.060, 0.060, 0.062]),
+        asphalt([0.110, 0.105, 0.098]),
+        Material { roughness: 0.7, ..noisy([0.62, 0.62, 0.60], [0.24, 0.24, 0.23], 0.35) },
+        asphalt([0.062, 0.059, 0.056]),
         Material {
             metallic: 0.6,
             roughness: 0.6,
@@ -74,6 +74,17 @@ impl Site<'_> {
     pub(crate) fn put_scaled(&mut self, prop: &Prop, at: [f64; 3], turn: f64, scale: Vector3<f64>) {
         let pose = upright(&self.path.beside(at[0], at[1]), at[2], turn);
         self.objects.push(prop.object(pose, scale));
+    }
+
+    /// Spans a thing that is 1 m long along z between two places, each as in [`Self::put`].
+    pub(crate) fn span(&mut self, prop: &Prop, ends: [[f64; 3]; 2]) {
+        let [from, to] = ends.map(|[s, right, up]| {
+            self.path.beside(s, right).translation.vector - Vector3::y() * up
+        });
+        let way = to - from;
+        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &way).unwrap_or_default();
+        let pose = Pose::from_parts(Translation3::from(0.5 * (from + to)), turn);
+        self.objects.push(prop.object(pose, Vector3::new(1.0, 1.0, way.norm())));
     }
 
     /// Draws strips along a stretch.

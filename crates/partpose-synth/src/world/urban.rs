@@ -39,6 +39,57 @@ pub(crate) fn furnish(site: &mut Site, profile: Profile, marked: bool) {
     pavements(site, range, profile);
     rows_of_houses(site, range, profile, &[-1.0, 1.0]);
     pavement_things(site, range, profile);
+    wires(site, range, profile);
+    clutter(site, range, profile);
+}
+
+/// Wires across the street and, where trams run, along it.
+fn wires(site: &mut Site, range: [f64; 2], profile: Profile) {
+    let with_trams = hash(site.seed, &[0x71]).is_multiple_of(2);
+    let catalog = site.catalog;
+    for i in 0..4 {
+        let s = site.range[0] + 10.0 * f64::from(i);
+        if s < range[0] || s + 10.0 > range[1] {
+            continue;
+        }
+        if i % 2 == 0 && (with_trams || hash(site.seed, &[0x72, s as i64]).is_multiple_of(3)) {
+            let ends = [-1.0, 1.0].map(|side| [s, side * profile.front, 7.6]);
+            site.span(&catalog.wires[1], ends);
+        }
+        if with_trams {
+            for right in [-0.5 * LANE, 0.5 * LANE] {
+                site.span(&catalog.wires[0], [s, s + 10.0].map(|s| [s, right, 6.5]));
+            }
+        }
+    }
+}
+
+/// Bins in groups and bicycles that lean against houses.
+fn clutter(site: &mut Site, range: [f64; 2], profile: Profile) {
+    let mut rng = site.random(0x73);
+    let catalog = site.catalog;
+    for side in [-1.0, 1.0] {
+        for _ in 0..3 {
+            let s = rng.random_range(site.range[0]..site.range[1]);
+            let [kind, count] = [rng.random_range(0..5), rng.random_range(1..4)];
+            let choice: usize = rng.random_range(0..60);
+            for i in 0..count {
+                let at = s + f64::from(i) * if kind < 3 { 0.75 } else { 0.45 };
+                if at < range[0] || at > range[1] {
+                    continue;
+                }
+                let turn = FRAC_PI_2 * rng.random_range(0.9..1.1);
+                if kind < 3 {
+                    let bin = &catalog.bins[(choice + i as usize) % catalog.bins.len()];
+                    site.put(bin, [at, side * (profile.front - 0.5), KERB_HEIGHT], turn, 1.0);
+                } else {
+                    let bicycle = &catalog.bicycles[choice % catalog.bicycles.len()];
+                    let at = [at, side * (profile.front - 0.95), KERB_HEIGHT];
+                    site.put(bicycle, at, turn, 1.0);
+                }
+            }
+        }
+    }
 }
 
 /// Asphalt with patches and manholes.
