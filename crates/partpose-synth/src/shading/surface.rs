@@ -48,7 +48,8 @@ pub(super) struct Spot<'a> {
     seen: &'a Seen<'a>,
     material: &'a Material,
     face: usize,
-    weights: [f32; 3],
+    /// On the viewing ray, camera coordinates; the weights that all else follows from stay inside of the face.
+    on_ray: V,
     /// Relative to the camera, axes of the world.
     pub(super) place: V,
     pub(super) depth: f32,
@@ -162,7 +163,7 @@ impl<'a> Facet<'a> {
             seen: self.seen,
             material: self.material,
             face: self.face,
-            weights,
+            on_ray: ray * place_in_camera.z,
             place,
             depth,
             to_eye,
@@ -189,12 +190,10 @@ impl<'a> Spot<'a> {
             return [0.0; 2];
         }
         let at = |vertex: u32| self.seen.positions[vertex as usize];
-        let [a, b, c] = self.seen.mesh.faces[self.face].map(at);
-        let here = a * self.weights[0] + b * self.weights[1] + c * self.weights[2];
         let mut squares = [f32::INFINITY; 2];
         for line in lines {
             let [from, to] = line.ends.map(at);
-            let [along, away] = [to - from, here - from];
+            let [along, away] = [to - from, self.on_ray - from];
             let share = (along.dot(&away) / along.norm_squared().max(1e-12)).clamp(0.0, 1.0);
             let square = &mut squares[line.kind as usize];
             *square = square.min((away - along * share).norm_squared());

@@ -35,10 +35,39 @@ fn emblem(work: &mut Patchwork, parts: &[P], height: f32, ahead: f32) {
         facet.part.is_some_and(|part| parts.contains(&part))
             && facet.corners.iter().all(|corner| corner.normal.z * ahead > 0.3)
     };
-    work.paint(Slot::Emblem, looks_there, &[&|p| p.x.hypot(-p.y - height) - EMBLEM]);
+    disc(work, Slot::Emblem, looks_there, [0.0, height], EMBLEM);
     work.bend(
         |facet| looks_there(facet) && facet.slot == Slot::Emblem,
         |p, _| V::new(p.x, p.y + height, 0.0) * (0.6 / EMBLEM),
+    );
+}
+
+/// An octagon round a place to the right (lateral, height), and for places beside the middle the same to the left: its
+/// straight bounds cut faces that are larger than itself.
+fn disc(
+    work: &mut Patchwork,
+    slot: Slot,
+    concerns: impl Fn(&Facet) -> bool,
+    [x, height]: [f32; 2],
+    radius: f32,
+) {
+    let at = |p: &V| [if x == 0.0 { p.x } else { p.x.abs() - x }, -p.y - height];
+    let across = |p: &V| at(p)[0];
+    let up = |p: &V| at(p)[1];
+    let corner = radius * std::f32::consts::SQRT_2 * 0.97;
+    work.paint(
+        slot,
+        concerns,
+        &[
+            &|p| up(p) - radius,
+            &|p| -up(p) - radius,
+            &|p| across(p) - radius,
+            &|p| -across(p) - radius,
+            &|p| across(p) + up(p) - corner,
+            &|p| across(p) - up(p) - corner,
+            &|p| up(p) - across(p) - corner,
+            &|p| -across(p) - up(p) - corner,
+        ],
     );
 }
 
@@ -94,8 +123,7 @@ fn fog_lamps(work: &mut Patchwork) {
             && facet.corners.iter().all(|corner| corner.normal.z > 0.2)
     };
     for (slot, radius) in [(Slot::BlackPlastic, 0.056), (Slot::HeadLamp, 0.042)] {
-        let round = move |p: &V| (p.x.abs() - x).hypot(-p.y - height) - radius;
-        work.paint(slot, looks_ahead, &[&round]);
+        disc(work, slot, looks_ahead, [x, height], radius);
     }
 }
 
@@ -109,7 +137,12 @@ fn reflectors(work: &mut Patchwork) {
     work.paint(
         Slot::TailLamp,
         looks_back,
-        &[&|p| inner - p.x.abs(), &|p| p.x.abs() - outer, &|p| (-p.y - height).abs() - 0.014],
+        &[
+            &|p| -p.y - height - 0.014,
+            &|p| height - 0.014 + p.y,
+            &|p| inner - p.x.abs(),
+            &|p| p.x.abs() - outer,
+        ],
     );
 }
 
