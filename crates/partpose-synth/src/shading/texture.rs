@@ -229,7 +229,7 @@ fn lining(local: &mut Local, height: f32, leather: V, footprint: f32) {
         edge(height - low) * edge(high - height)
     };
     local.color = local.color.lerp(&leather, between(0.52, 0.78));
-    local.color = local.color.lerp(&V::repeat(0.10), between(0.64, 0.665));
+    local.color = local.color.lerp(&(leather * 1.6), between(0.64, 0.665));
     local.color *= 1.0 - 0.8 * between(0.60, 0.64);
     local.color *= 1.0 - 0.7 * between(0.36, 0.40);
 }

@@ -109,7 +109,7 @@ fn third_brake_lamp(work: &mut Patchwork) {
     let Some([low, _]) = work.bounds(&[P::WindshieldRear]) else { return };
     let top = -low.y - 0.035;
     work.paint(
-        Slot::BrakeLamp,
+        Slot::HighBrakeLamp,
         is_part(P::WindshieldRear),
         &[&|p| p.x.abs() - 0.13, &|p| -p.y - top, &|p| top - 0.014 + p.y],
     );

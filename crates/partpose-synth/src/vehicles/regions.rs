@@ -71,7 +71,9 @@ fn underside(work: &mut Patchwork) {
         let (normal, p) = (work.normal(&facet), work.middle(&facet));
         let near_wheel = axles.iter().flatten().any(|[low, high]| {
             let [z, h] = [0.5 * (low.z + high.z), 0.5 * (low.y + high.y)];
-            (p.z - z).hypot(p.y - h) < 0.5 * (high.y - low.y) + 0.12
+            // Bumpers that end by a wheel look away from it.
+            let faces = normal.z * (z - p.z) + normal.y * (h - p.y) > -0.05;
+            faces && (p.z - z).hypot(p.y - h) < 0.5 * (high.y - low.y) + 0.12
         });
         let looks_down = normal.y > 0.45 && p.y > -0.55;
         let in_tunnel = near_wheel && p.x.abs() < 0.80 * half_width && normal.y > -0.2;

@@ -13,6 +13,9 @@ use super::slots::Slot;
 
 type V = Vector3<f32>;
 
+/// Breadth below which the swing back of a crease needs faces of its own, metres.
+const NARROW: f32 = 0.03;
+
 /// How normals lean beside a line.
 #[derive(Clone, Copy)]
 struct Lean {
@@ -101,7 +104,7 @@ fn sides(work: &mut Patchwork, side: &Side) {
     let sill = -door_high.y;
     let above_sill = move |p: &V| -p.y - (sill + 0.105 - 0.025 * (p.z - door_low.z));
     let ends = [front_wheel.z - 0.05, rear_wheel.z + 0.05];
-    let lean = Lean { below: 0.28, above: -0.14, breadth: [0.08, 0.16], round: 0.018 };
+    let lean = Lean { below: 0.22, above: -0.12, breadth: [0.08, 0.16], round: 0.018 };
     crease(work, is_panel, &above_sill, lean, |p| {
         ((ends[0] - p.z).min(p.z - ends[1]) / 0.2).clamp(0.0, 1.0)
     });
@@ -205,7 +208,10 @@ fn crease(
     lean: Lean,
     strength: impl Fn(&V) -> f32,
 ) {
-    for level in [-lean.round, lean.round] {
+    let [below, above] = lean.breadth;
+    // Where it swings back faster than faces are large, it is cut there, too.
+    let ends = [-below, above].into_iter().filter(|end| end.abs() < NARROW);
+    for level in [-lean.round, lean.round].into_iter().chain(ends) {
         work.divide_along(&concerns, &|p| line(p) - level);
     }
     work.bend(&concerns, |p, normal| {

@@ -33,6 +33,7 @@ pub(super) enum Slot {
     FrontIndicatorRight,
     TailLamp,
     BrakeLamp,
+    HighBrakeLamp,
     RearIndicatorLeft,
     RearIndicatorRight,
     Reverse,
@@ -52,7 +53,7 @@ pub(super) enum Slot {
 }
 
 impl Slot {
-    const ALL: [Self; 39] = [
+    const ALL: [Self; 40] = [
         Self::Paint,
         Self::LowerTrim,
         Self::Pillar,
@@ -76,6 +77,7 @@ impl Slot {
         Self::FrontIndicatorRight,
         Self::TailLamp,
         Self::BrakeLamp,
+        Self::HighBrakeLamp,
         Self::RearIndicatorLeft,
         Self::RearIndicatorRight,
         Self::Reverse,
@@ -137,8 +139,8 @@ fn material(slot: Slot, look: &Look, lamps: Lamps) -> Material {
         Slot::Frame | Slot::Handle if look.chrome => chrome,
         Slot::Emblem => chrome,
         Slot::Lining => Material {
-            texture: Texture::Lining { leather: look.inside_color },
-            ..clean([0.025, 0.025, 0.026], 0.8)
+            texture: Texture::Lining { leather: look.inside_color.map(|v| 1.2 * v + 0.05) },
+            ..clean(look.inside_color.map(|v| 0.6 * v + 0.03), 0.7)
         },
         Slot::Paint | Slot::LowerTrim | Slot::Pillar | Slot::Handle => paint,
         Slot::BlackPlastic => plastic,
@@ -215,6 +217,7 @@ fn lamp_material(slot: Slot, look: &Look, lamps: Lamps) -> Material {
         }
         Slot::TailLamp => lit(lamps.head, [0.24, 0.010, 0.012], red, TAIL),
         Slot::BrakeLamp if lamps.brake => lit(true, [0.24, 0.010, 0.012], red, BRAKE),
+        Slot::HighBrakeLamp => lit(lamps.brake, [0.10, 0.008, 0.009], red, BRAKE),
         Slot::BrakeLamp => lit(lamps.head, [0.30, 0.012, 0.013], red, TAIL),
         Slot::Reverse => lit(lamps.reverse, [0.34, 0.31, 0.31], white, INDICATOR),
         _ => Material {
