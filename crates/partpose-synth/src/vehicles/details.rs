@@ -137,12 +137,9 @@ fn reflectors(work: &mut Patchwork) {
     work.paint(
         Slot::TailLamp,
         looks_back,
-        &[
-            &|p| -p.y - height - 0.014,
-            &|p| height - 0.014 + p.y,
-            &|p| inner - p.x.abs(),
-            &|p| p.x.abs() - outer,
-        ],
+        &[&|p| -p.y - height - 0.014, &|p| height - 0.014 + p.y, &|p| inner - p.x.abs(), &|p| {
+            p.x.abs() - outer
+        }],
     );
 }
 

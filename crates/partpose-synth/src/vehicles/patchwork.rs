@@ -177,15 +177,16 @@ impl Patchwork {
         for point in splits.keys().flatten() {
             is_end[*point as usize] = true;
         }
-        let mut divided = Vec::with_capacity(self.facets.len() + 2 * splits.len());
-        for facet in &self.facets {
-            if facet.corners.iter().filter(|corner| is_end[corner.point as usize]).count() < 2 {
-                divided.push(*facet);
-            } else {
-                divide(facet, &splits, &mut divided);
+        // The first piece takes the facet's place, the others come last.
+        let mut pieces = Vec::new();
+        for i in 0..self.facets.len() {
+            let facet = self.facets[i];
+            if facet.corners.iter().filter(|corner| is_end[corner.point as usize]).count() >= 2 {
+                divide(&facet, &splits, &mut pieces);
+                self.facets[i] = pieces[0];
+                self.facets.extend(pieces.drain(..).skip(1));
             }
         }
-        self.facets = divided;
     }
 
     pub(super) fn into_surface(self) -> SurfaceMesh {

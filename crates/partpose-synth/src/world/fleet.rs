@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use partpose::geometry::{Extent, Pose};
 use partpose::vehicle::{ModelZoo, VehicleModel};
 use rand::RngExt;
+use rayon::prelude::*;
 
 use super::random::random;
 use crate::scene::{Object, SegmentClass};
@@ -44,7 +45,8 @@ impl Fleet {
         let known = |model: &&VehicleModel| matches!(model.category(), "Car" | "Van");
         let closed = |model: &&VehicleModel| Opening::of_name(model.name()).is_none();
         let models = || zoo.models.iter().filter(known);
-        let kinds: Vec<VehicleKind> = models().filter(closed).map(vehicle_kind).collect();
+        let closed: Vec<&VehicleModel> = models().filter(closed).collect();
+        let kinds: Vec<VehicleKind> = closed.into_par_iter().map(vehicle_kind).collect();
         let opened = |model: &VehicleModel| {
             let (name, opening) = Opening::of_name(model.name())?;
             let closed = kinds.iter().find(|kind| kind.name == name)?;
