@@ -2,6 +2,7 @@
 
 mod camera;
 mod commands;
+mod device;
 mod network;
 mod pose_flags;
 mod progress;

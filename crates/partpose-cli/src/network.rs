@@ -17,6 +17,7 @@ use partpose::files::{self, RgbImage};
 use partpose_net::detector::Detector;
 use partpose_net::{MaskRcnn, weights};
 
+use crate::device::{DeviceFlag, parse_device};
 use crate::report::hint;
 
 /// Name of the file in the repository's `weights`.
@@ -59,8 +60,8 @@ pub(crate) struct EngineFlags {
     /// onnxruntime`
     #[arg(long, value_name = "FILE")]
     onnxruntime: Option<PathBuf>,
-    /// Where our own engine computes; this build has `cpu`
-    #[arg(long, default_value = "cpu", value_parser = parse_device)]
+    /// Where our own engine computes: `cpu`, and `cuda`, `cuda:1`, `wgpu`, ... if the program was built with that feature
+    #[arg(long, default_value = "cpu", value_name = "DEVICE", value_parser = parse_device)]
     device: DeviceFlag,
 }
 
@@ -78,26 +79,6 @@ enum Engine {
     Own,
     /// ONNX Runtime, with the network as `export onnx` writes it
     Onnx,
-}
-
-/// A device of this build.
-#[derive(Clone, Debug)]
-pub(crate) struct DeviceFlag(pub(crate) Device);
-
-impl Default for DeviceFlag {
-    /// The processors; `Device::default` would follow `BURN_DEVICE`, and panic where that names another.
-    fn default() -> Self {
-        Self(Device::flex())
-    }
-}
-
-/// The device of a name.
-pub(crate) fn parse_device(name: &str) -> Result<DeviceFlag, String> {
-    match name {
-        "cpu" => Ok(DeviceFlag::default()),
-        _ => Err("this program computes on `cpu` alone; `scripts/train_gpu.py` of the repository trains on a GPU"
-            .to_owned()),
-    }
 }
 
 impl Network {

@@ -1,6 +1,7 @@
 //! Operations of our own, where they beat what burn brings or burn has none.
 //!
 //! Each file holds the arithmetic on slices and the function on tensors; gradients are registered with burn in one place.
+//! On devices that are no processors chains of burn's operations stand in for them.
 
 pub mod attach;
 pub mod conv;
@@ -12,6 +13,7 @@ pub mod resize;
 pub mod roi_align;
 
 mod apply;
+mod chains;
 #[cfg(test)]
 mod gradients;
 mod vector;

@@ -16,7 +16,7 @@ use partpose_net::train::{self, Begin, Event, TrainData, TrainError, Wish};
 use partpose_net::training::{Balance, TrainConfig};
 use partpose_net::{balance, import};
 
-use crate::network::{DeviceFlag, parse_device};
+use crate::device::{DeviceFlag, parse_device};
 use crate::progress;
 use crate::report::{Outcome, hint, note, warn, warn_error};
 
@@ -74,8 +74,8 @@ pub(crate) struct Arguments {
     /// Highest learning rate
     #[arg(long, value_name = "RATE")]
     rate: Option<f64>,
-    /// Where to compute; this build has `cpu`
-    #[arg(long, default_value = "cpu", value_parser = parse_device)]
+    /// Where to compute: `cpu`, and `cuda`, `cuda:1`, `wgpu`, ... if the program was built with that feature
+    #[arg(long, default_value = "cpu", value_name = "DEVICE", value_parser = parse_device)]
     device: DeviceFlag,
 }
 

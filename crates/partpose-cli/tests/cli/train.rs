@@ -133,7 +133,7 @@ fn what_cannot_be_trained_is_told_before_anything_is_written() {
     }
     let told = ["has no frame with an image, a part mask and vehicles", "hint: `partpose label`"];
     refused(&["--dataset", "bare"], &told);
-    refused(&["--dataset", &sample, "--device", "cuda"], &["computes on `cpu` alone"]);
+    refused(&["--dataset", &sample, "--device", "cuda:99"], &["`cuda`"]);
     fs::write(root.join("wrong.toml"), "[net.parts]\nkernels = 14\n").unwrap();
     refused(&["--dataset", &sample, "--config", "wrong.toml"], &["wrong.toml", "kernels"]);
     refused(&["--dataset", &sample, "--init", "none.pth"], &["none.pth"]);

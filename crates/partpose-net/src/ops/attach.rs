@@ -8,6 +8,7 @@ use std::sync::Arc;
 use burn::Tensor;
 
 use super::apply::{Backwards, Kernel, MOST_INPUTS, Output, View, apply};
+use super::chains;
 
 /// A tensor of one element with the given value, whose gradients by `tensors` are the given ones.
 ///
@@ -22,6 +23,9 @@ pub fn attach<const D: usize>(
     gradients: Vec<Vec<f32>>,
 ) -> Tensor<1> {
     assert_eq!(tensors.len(), gradients.len(), "one gradient a tensor");
+    if !chains::in_memory(&tensors[0].device()) {
+        return chains::attach(value, tensors, gradients);
+    }
     let mut parts = Vec::new();
     let mut value = value;
     let mut gradients = gradients.into_iter();

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use burn::Tensor;
 
 use super::apply::{Backwards, Kernel, Output, View, apply};
+use super::chains;
 use super::conv::{ConvShape, Finish, backward_bias, backward_input, backward_weight, forward};
 use super::winograd::{self, Prepared};
 
@@ -51,6 +52,9 @@ pub fn conv2d_prepared(
     options: ConvOptions,
 ) -> Tensor<4> {
     assert!(bias.is_some() || residual.is_none(), "a residual without a bias");
+    if !chains::in_memory(&input.device()) {
+        return chains::conv2d(input, weight, bias, residual, options);
+    }
     let mut inputs = vec![input.into_dispatch(), weight.into_dispatch()];
     inputs.extend(bias.map(Tensor::into_dispatch));
     inputs.extend(residual.map(Tensor::into_dispatch));

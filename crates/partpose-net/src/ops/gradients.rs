@@ -6,7 +6,7 @@ use burn::tensor::{Device, TensorData};
 use super::roi_align::{Region, Sampling};
 use super::*;
 
-fn numbers(shape: [usize; 4], seed: u32) -> Tensor<4> {
+pub(super) fn numbers(shape: [usize; 4], seed: u32) -> Tensor<4> {
     let hash = |i: u32| (i ^ seed.wrapping_mul(977)).wrapping_mul(2_654_435_761) >> 16;
     let count = shape.iter().product::<usize>() as u32;
     let values = (0..count).map(|i| (hash(i) % 2001) as f32 / 1000.0 - 1.0).collect();

@@ -7,6 +7,7 @@ use partpose_kernels::{Matrix, MatrixMut, multiply};
 use rayon::prelude::*;
 
 use super::apply::{Backwards, Kernel, Output, View, apply};
+use super::chains;
 use super::conv2d::masked;
 
 /// Columns that one task computes.
@@ -14,6 +15,9 @@ const BLOCK: usize = 128;
 
 /// `input`, `[rows, in]`, times `weight`, `[out, in]`, plus `bias`, `[out]`; negative values cut off if `relu`.
 pub fn linear(input: Tensor<2>, weight: Tensor<2>, bias: Tensor<1>, relu: bool) -> Tensor<2> {
+    if !chains::in_memory(&input.device()) {
+        return chains::linear(input, weight, bias, relu);
+    }
     let inputs = vec![input.into_dispatch(), weight.into_dispatch(), bias.into_dispatch()];
     apply(&Arc::new(Linear { relu }), inputs)
 }

@@ -14,7 +14,8 @@ use rayon::prelude::*;
 use pulp::{Simd, WithSimd};
 
 use super::apply::{Backwards, Kernel, Output, View, apply};
-use super::vector;
+use super::{chains, vector};
+use crate::layers::to_host;
 
 /// Added to variances.
 pub const EPSILON: f32 = 1e-5;
@@ -37,6 +38,10 @@ pub struct Normalised {
 /// Normalises each channel by its mean and variance over the batch, and returns these: the variance that of the
 /// distribution (the sum is divided by one less than the count), as running averages keep it.
 pub fn batch_norm(of: Normalised) -> (Tensor<4>, [Vec<f32>; 2]) {
+    if !chains::in_memory(&of.input.device()) {
+        let (result, statistics) = chains::batch_norm(of);
+        return (result, statistics.map(to_host));
+    }
     let kernel = Arc::new(Norm {
         kind: Kind::Batch,
         relu: of.relu,
@@ -49,6 +54,9 @@ pub fn batch_norm(of: Normalised) -> (Tensor<4>, [Vec<f32>; 2]) {
 
 /// Normalises each channel by a given mean and variance.
 pub fn fixed_norm(of: Normalised, mean: Vec<f32>, variance: &[f32]) -> Tensor<4> {
+    if !chains::in_memory(&of.input.device()) {
+        return chains::fixed_norm(of, mean, variance);
+    }
     let scale = variance.iter().map(|variance| 1.0 / (variance + EPSILON).sqrt()).collect();
     let (kind, relu) = (Kind::Fixed { mean, scale }, of.relu);
     run(&Arc::new(Norm { kind, relu, statistics: Mutex::default() }), of)
@@ -60,6 +68,9 @@ pub fn fixed_norm(of: Normalised, mean: Vec<f32>, variance: &[f32]) -> Tensor<4>
 ///
 /// If the groups do not share out the channels: a bug of the network.
 pub fn group_norm(of: Normalised, groups: usize) -> Tensor<4> {
+    if !chains::in_memory(&of.input.device()) {
+        return chains::group_norm(of, groups);
+    }
     let (kind, relu) = (Kind::Group(groups), of.relu);
     run(&Arc::new(Norm { kind, relu, statistics: Mutex::default() }), of)
 }

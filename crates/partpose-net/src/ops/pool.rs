@@ -10,17 +10,24 @@ use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::apply::{Backwards, Kernel, Output, View, apply};
+use super::chains;
 use super::vector;
 
 /// The largest value of each `size` x `size` window, every `stride` cells, with `padding` cells that never win.
 ///
 /// `input`: `[batch, channels, height, width]`.
 pub fn max_pool(input: Tensor<4>, size: usize, stride: usize, padding: usize) -> Tensor<4> {
+    if !chains::in_memory(&input.device()) {
+        return chains::max_pool(input, size, stride, padding);
+    }
     apply(&Arc::new(MaxPool { size, stride, padding }), vec![input.into_dispatch()])
 }
 
 /// Means over height and width: `[batch, channels, height, width]` to `[batch, channels]`.
 pub fn average(input: Tensor<4>) -> Tensor<2> {
+    if !chains::in_memory(&input.device()) {
+        return chains::average(input);
+    }
     apply(&Arc::new(Average), vec![input.into_dispatch()])
 }
 

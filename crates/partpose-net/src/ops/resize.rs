@@ -6,10 +6,14 @@ use burn::Tensor;
 use rayon::prelude::*;
 
 use super::apply::{Backwards, Kernel, Output, View, apply};
+use super::chains;
 
 /// `fine`, `[batch, channels, height, width]`, plus `coarse` with its cells repeated to the same size: the way down of a
 /// feature pyramid.
 pub fn upsample_add(coarse: Tensor<4>, fine: Tensor<4>) -> Tensor<4> {
+    if !chains::in_memory(&coarse.device()) {
+        return chains::upsample_add(coarse, fine);
+    }
     apply(&Arc::new(UpsampleAdd), vec![coarse.into_dispatch(), fine.into_dispatch()])
 }
 
@@ -17,7 +21,11 @@ pub fn upsample_add(coarse: Tensor<4>, fine: Tensor<4>) -> Tensor<4> {
 ///
 /// With `aligned` corners the outer cells' centres fall on each other, otherwise their outer edges.
 pub fn resize(input: Tensor<4>, size: [usize; 2], aligned: bool) -> Tensor<4> {
-    apply(&Arc::new(Resize { size, aligned }), vec![input.into_dispatch()])
+    let kernel = Resize { size, aligned };
+    if !chains::in_memory(&input.device()) {
+        return chains::resize(input, &kernel);
+    }
+    apply(&Arc::new(kernel), vec![input.into_dispatch()])
 }
 
 #[derive(Debug)]
@@ -71,14 +79,14 @@ impl Kernel for UpsampleAdd {
 }
 
 #[derive(Debug)]
-struct Resize {
-    size: [usize; 2],
-    aligned: bool,
+pub(super) struct Resize {
+    pub(super) size: [usize; 2],
+    pub(super) aligned: bool,
 }
 
 impl Resize {
     /// For each place of the larger axis the two it lies between and the share of the second.
-    fn axis(&self, from: usize, to: usize) -> Vec<(usize, usize, f32)> {
+    pub(super) fn axis(&self, from: usize, to: usize) -> Vec<(usize, usize, f32)> {
         let place = |i: usize| {
             let at = if self.aligned {
                 i as f32 * (from - 1) as f32 / (to - 1).max(1) as f32

@@ -12,6 +12,7 @@ use burn::Tensor;
 use rayon::prelude::*;
 
 use super::apply::{Backwards, Kernel, Output, View, apply};
+use super::chains;
 
 /// How the points lie that a bin reads.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +22,16 @@ pub enum Sampling {
     /// TensorFlow's `crop_and_resize`: cells of the map a pixel are `scale * (cells - 1) / cells` there, so that the
     /// image's edges fall on the outer cells' centres.
     CropAndResize,
+}
+
+impl Sampling {
+    /// Points of a bin along either axis.
+    fn points(self) -> usize {
+        match self {
+            Self::Align(points) => points,
+            Self::CropAndResize => 1,
+        }
+    }
 }
 
 /// Sizes of the operation. Features are `[batch, channels, height, width]`, the result
@@ -63,21 +74,28 @@ pub fn read_regions(
     bins: usize,
     sampling: Sampling,
 ) -> Tensor<4> {
+    let kernel = Read { scales: scales.to_vec(), regions, bins, sampling };
+    if !chains::in_memory(&maps[0].device()) {
+        return chains::read_regions(maps, &kernel);
+    }
     let inputs = maps.iter().map(|map| map.clone().into_dispatch()).collect();
-    apply(&Arc::new(Read { scales: scales.to_vec(), regions, bins, sampling }), inputs)
+    apply(&Arc::new(kernel), inputs)
 }
 
 #[derive(Debug)]
-struct Read {
-    scales: Vec<f32>,
-    regions: Vec<Region>,
-    bins: usize,
-    sampling: Sampling,
+pub(super) struct Read {
+    pub(super) scales: Vec<f32>,
+    pub(super) regions: Vec<Region>,
+    pub(super) bins: usize,
+    pub(super) sampling: Sampling,
 }
 
 impl Read {
-    fn shape(&self, maps: &[View<'_>], level: usize) -> RoiShape {
-        let [batch, channels, height, width] = maps[level].dims4();
+    pub(super) fn shape(
+        &self,
+        [batch, channels, height, width]: [usize; 4],
+        level: usize,
+    ) -> RoiShape {
         RoiShape {
             batch,
             channels,
@@ -91,7 +109,8 @@ impl Read {
 
 impl Kernel for Read {
     fn forward(&self, inputs: &[View<'_>], _: bool) -> Output {
-        let shapes: Vec<RoiShape> = (0..inputs.len()).map(|i| self.shape(inputs, i)).collect();
+        let shapes: Vec<RoiShape> =
+            inputs.iter().enumerate().map(|(i, map)| self.shape(map.dims4(), i)).collect();
         let channels = shapes[0].channels;
         let mut values = vec![0.0; self.regions.len() * channels * self.bins * self.bins];
         let outputs = values.par_chunks_mut((channels * self.bins * self.bins).max(1));
@@ -107,7 +126,7 @@ impl Kernel for Read {
 
     fn backward(&self, state: &Backwards<'_>) -> Vec<Option<Vec<f32>>> {
         let level = |(i, wanted): (usize, &bool)| {
-            let s = self.shape(&state.inputs, i);
+            let s = self.shape(state.inputs[i].dims4(), i);
             wanted.then(|| backward(state.gradient, &self.regions, i, &s))
         };
         state.wanted.iter().enumerate().map(level).collect()
@@ -158,30 +177,41 @@ fn backward(gradient: &[f32], regions: &[Region], level: usize, s: &RoiShape) ->
     result
 }
 
+/// Along an axis of the map (0 down, 1 across), the two cells that each point of a region reads, which reaches from one
+/// end to the other.
+fn axis_points([from, to]: [f32; 2], s: &RoiShape, axis: usize) -> Vec<[(usize, f32); 2]> {
+    let size = s.size[axis];
+    let point = |i: usize| match s.sampling {
+        Sampling::Align(points) => {
+            let [from, to] = [from, to].map(|value| value * s.scale - 0.5);
+            let step = (to - from) / s.bins as f32;
+            linear(from + step * (i as f32 + 0.5) / points as f32, size, 1.0)
+        }
+        Sampling::CropAndResize => {
+            let scale = s.scale * (size - 1) as f32 / size as f32;
+            let share = if s.bins > 1 { i as f32 / (s.bins - 1) as f32 } else { 0.5 };
+            linear((from + (to - from) * share) * scale, size, 0.0)
+        }
+    };
+    (0..s.bins * s.sampling.points()).map(point).collect()
+}
+
+/// The same by bins, weights summing up to one where all points lie on the map.
+pub(super) fn axis_taps(ends: [f32; 2], s: &RoiShape, axis: usize) -> Vec<Vec<(usize, f32)>> {
+    let points = s.sampling.points();
+    let of_bin = |points: &[[(usize, f32); 2]]| {
+        let share = 1.0 / points.len() as f32;
+        points.iter().flatten().map(|(at, weight)| (*at, weight * share)).collect()
+    };
+    axis_points(ends, s, axis).chunks(points).map(of_bin).collect()
+}
+
 /// For every bin, row by row, the cells that it reads and their weights; and how many they are a bin.
 fn taps(region: &Region, s: &RoiShape) -> (Vec<(u32, f32)>, usize) {
-    let points = match s.sampling {
-        Sampling::Align(points) => points,
-        Sampling::CropAndResize => 1,
-    };
+    let points = s.sampling.points();
     let [x0, y0, x1, y1] = region.corners;
-    let axis = |from: f32, to: f32, size: usize| -> Vec<[(usize, f32); 2]> {
-        let point = |i: usize| match s.sampling {
-            Sampling::Align(points) => {
-                let [from, to] = [from, to].map(|value| value * s.scale - 0.5);
-                let step = (to - from) / s.bins as f32;
-                linear(from + step * (i as f32 + 0.5) / points as f32, size, 1.0)
-            }
-            Sampling::CropAndResize => {
-                let scale = s.scale * (size - 1) as f32 / size as f32;
-                let share = if s.bins > 1 { i as f32 / (s.bins - 1) as f32 } else { 0.5 };
-                linear((from + (to - from) * share) * scale, size, 0.0)
-            }
-        };
-        (0..s.bins * points).map(point).collect()
-    };
-    let rows = axis(y0, y1, s.size[0]);
-    let columns = axis(x0, x1, s.size[1]);
+    let rows = axis_points([y0, y1], s, 0);
+    let columns = axis_points([x0, x1], s, 1);
     let share = 1.0 / (points * points) as f32;
     let mut taps = Vec::with_capacity(4 * rows.len() * columns.len());
     for rows in rows.chunks(points) {
