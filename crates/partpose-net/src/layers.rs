@@ -188,7 +188,8 @@ impl Conv {
     pub(crate) fn prepared(self) -> Self {
         let [out, channels, height, width] = self.weight.val().dims();
         let steps = ([height, width], self.stride, self.dilation);
-        let prepared = (steps == ([3, 3], 1, 1)).then(|| {
+        let is_used = steps == ([3, 3], 1, 1) && ops::in_memory(&self.weight.val().device());
+        let prepared = is_used.then(|| {
             let weight = to_host(self.weight.val());
             Prepared::new(&weight, [out, channels])
         });

@@ -20,6 +20,7 @@ mod vector;
 mod winograd;
 
 pub use attach::attach;
+pub(crate) use chains::in_memory;
 pub use conv2d::{ConvOptions, conv2d, conv2d_prepared};
 pub use linear::linear;
 pub use norm::{Normalised, batch_norm, fixed_norm, group_norm};

@@ -6,6 +6,8 @@
 mod bad_input;
 mod browser;
 mod dataset_check;
+#[cfg(any(feature = "cuda", feature = "wgpu"))]
+mod devices;
 mod evaluate_detections;
 mod evaluate_others;
 mod explain;

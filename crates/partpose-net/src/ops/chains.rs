@@ -14,7 +14,7 @@ use super::resize::Resize;
 use super::roi_align::{Read, Region, RoiShape, axis_taps};
 
 /// Whether tensors of a device lie in memory, where our kernels can work on them.
-pub(super) fn in_memory(device: &Device) -> bool {
+pub(crate) fn in_memory(device: &Device) -> bool {
     fn is_flex(device: &DispatchDevice) -> bool {
         match device {
             DispatchDevice::Flex(_) => true,
