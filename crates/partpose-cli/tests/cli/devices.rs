@@ -52,7 +52,10 @@ fn they_find_what_the_processor_finds() {
             most = [0, 1, 2].map(|i| most[i].max(off[i]));
         }
         let [score, corner, part] = most;
-        eprintln!("{device}: {} vehicles; scores to {score:.1e}, boxes to {corner:.1e} px, parts to {part:.1e}", found.len());
+        eprintln!(
+            "{device}: {} vehicles; scores to {score:.1e}, boxes to {corner:.1e} px, parts to {part:.1e}",
+            found.len()
+        );
         assert!(score < 1e-3 && corner < 0.05 && part < 1e-3, "{device}: {most:?}");
     }
 }

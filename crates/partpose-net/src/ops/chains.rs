@@ -16,13 +16,10 @@ use super::roi_align::{Read, Region, RoiShape, axis_taps};
 /// Whether tensors of a device lie in memory, where our kernels can work on them.
 pub(crate) fn in_memory(device: &Device) -> bool {
     fn is_flex(device: &DispatchDevice) -> bool {
-        match device {
-            DispatchDevice::Flex(_) => true,
-            DispatchDevice::Autodiff(inner) => is_flex(inner),
-            // Where the build has other devices.
-            #[allow(unreachable_patterns)]
-            _ => false,
+        if let DispatchDevice::Autodiff(inner) = device {
+            return is_flex(inner);
         }
+        matches!(device, DispatchDevice::Flex(_))
     }
     is_flex(device.as_dispatch())
 }
