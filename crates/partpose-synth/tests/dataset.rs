@@ -345,4 +345,9 @@ fn the_shipped_sample_is_small_and_its_labels_agree() {
     assert!(counts.iter().all(|(_, counts)| counts.is_clean()), "{counts:?}");
     let found = statistics(&dataset).unwrap();
     assert!(found.frames >= 4 && found.rows > 20, "{found:?}");
+    let frames = dataset.sequences().iter().flat_map(|id| dataset.frames(id).unwrap());
+    let cars = frames.flat_map(|frame| frame.vehicles).filter(|vehicle| vehicle.category == "Car");
+    let lengths: Vec<f64> = cars.map(|vehicle| vehicle.cuboid.extent.length).collect();
+    let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
+    assert!((found.mean_size()[2] - mean).abs() < 1e-3, "{found:?}");
 }

@@ -74,7 +74,12 @@ fn a_data_set_is_made_checked_counted_and_shown() {
     assert!(text.contains("1001/fog"), "{text}");
     assert!(text.ends_with("agree in every pixel\n--- exit 0\n"), "{text}");
     let text = run(folder.path(), &["synth", "statistics", "world", "--against", "world"]);
-    assert!(text.contains("ratio") && text.contains("alpha deg 135..180"), "{text}");
+    assert!(
+        text.contains("ratio")
+            && text.contains("mean length m")
+            && text.contains("alpha deg 135..180"),
+        "{text}"
+    );
     assert!(text.ends_with("--- exit 0\n"), "{text}");
     check(
         folder.path(),

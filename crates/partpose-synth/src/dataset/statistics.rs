@@ -1,4 +1,4 @@
-//! How a data set is distributed: shares of parts, distances, occlusion, truncation, directions of view.
+//! How a data set is distributed: shares of parts, sizes, distances, occlusion, truncation, directions of view.
 
 mod table;
 
@@ -36,6 +36,8 @@ pub struct Statistics {
     pub truncation: [usize; 6],
     /// Rows by the observation angle alpha, in eighths of a turn from -pi.
     pub alpha: [usize; 8],
+    /// Width, height and length of all rows, summed up, in millimetres.
+    pub sizes: [usize; 3],
 }
 
 /// Counts a data set; part masks are read.
@@ -94,12 +96,18 @@ impl Statistics {
         add(&mut self.occupancy, &other.occupancy);
         add(&mut self.truncation, &other.truncation);
         add(&mut self.alpha, &other.alpha);
+        add(&mut self.sizes, &other.sizes);
         self
     }
 
     /// Pixels that show a part.
     pub fn part_pixels(&self) -> u64 {
         self.pixels[1..].iter().sum()
+    }
+
+    /// Mean width, height and length of the rows, metres.
+    pub fn mean_size(&self) -> [f64; 3] {
+        self.sizes.map(|sum| sum as f64 / 1000.0 / self.rows.max(1) as f64)
     }
 
     /// Share of a part among all pixels that show a part.
@@ -122,6 +130,11 @@ fn of_frame(frame: &Frame) -> Result<Statistics, DatasetError> {
         }
         found.rows += 1;
         found.counted += usize::from(!vehicle.dont_care);
+        let extent = vehicle.cuboid.extent;
+        for (sum, side) in found.sizes.iter_mut().zip([extent.width, extent.height, extent.length])
+        {
+            *sum += (1000.0 * side).round() as usize;
+        }
         let at = vehicle.cuboid.camera_from_vehicle.translation.vector;
         found.distances[range(&DISTANCES, at.norm())] += 1;
         found.occupancy[range(&RATIOS, vehicle.occupancy.unwrap_or(0.0))] += 1;

@@ -36,6 +36,10 @@ pub fn statistics_table(sets: &[(&str, &Statistics)]) -> String {
         let cells: Vec<String> = sets.iter().map(|(_, set)| of(set).to_string()).collect();
         line(&mut text, name, &cells);
     }
+    for (i, name) in ["mean width m", "mean height m", "mean length m"].into_iter().enumerate() {
+        let values: Vec<f64> = sets.iter().map(|(_, set)| set.mean_size()[i]).collect();
+        line(&mut text, name, &beside(&values, |value| format!("{value:.2}")));
+    }
     for part in PartClass::ALL {
         let name = format!("{} {}", part.id(), part.name());
         let values: Vec<f64> = sets.iter().map(|(_, set)| set.share(part)).collect();
@@ -59,8 +63,12 @@ pub fn statistics_table(sets: &[(&str, &Statistics)]) -> String {
 
 /// Per cent, and the ratio of two.
 fn shares(values: &[f64]) -> Vec<String> {
-    let mut cells: Vec<String> =
-        values.iter().map(|value| format!("{:.2} %", 100.0 * value)).collect();
+    beside(values, |value| format!("{:.2} %", 100.0 * value))
+}
+
+/// As text, and the ratio of two.
+fn beside(values: &[f64], text: impl Fn(f64) -> String) -> Vec<String> {
+    let mut cells: Vec<String> = values.iter().map(|value| text(*value)).collect();
     if let [a, b] = values {
         cells.push(if *b > 0.0 { format!("{:.2}", a / b) } else { "-".to_owned() });
     }
