@@ -72,7 +72,10 @@ fn what_is_no_library_no_model_and_no_mapping_is_named() {
     let model = ["--onnx-model", "model.onnx"];
     refused(&[&model[..], &["--mapping", "map.toml"]].concat(), &["map.toml", "boxs", "hint: "]);
     refused(&["--mapping", "map.toml"], &["--onnx-model"]);
-    refused(&["--device", "cuda:1"], &["computes on `cpu` alone"]);
+    refused(&["--device", "tpu"], &["no such device", "`cpu`"]);
+    if !cfg!(feature = "cuda") {
+        refused(&["--device", "cuda:1"], &["has no `cuda`", "--features cuda"]);
+    }
 }
 
 #[test]
