@@ -28,6 +28,10 @@ pub enum Ranking {
 /// would count once each coordinate, some 16 times; those of a model's centres err together. From 1 to 3 the choice is
 /// about the same.
 const ERROR_WEIGHT: f64 = 2.0;
+/// What the logarithms of the detector's probabilities count where a size is given. They are honest by themselves, but
+/// speak of the size, too, which is then weighed on its own: counted in full they outvote it, and of 646 vehicles of
+/// synthetic worlds 61 % are named rightly, with 0.2 to 0.5 of them 67 to 70 %. Without a size they count in full.
+const LOOKS_BESIDE_SIZE: f64 = 0.35;
 /// Errors below this are as good as it, pixels: with few points some model fits by chance.
 const LEAST_ERROR: f64 = 0.3;
 /// Probability below which a detector does not rule a model out further.
@@ -50,9 +54,9 @@ impl Ranking {
             let unknown = 1.0 / models.names.len().max(1) as f64;
             -models.of(name).unwrap_or(unknown).clamp(LEAST_PROBABILITY, 1.0).ln()
         });
-        let size = match extent {
-            ExtentSource::Given(given) => strain(given, own),
-            _ => 0.0,
+        let (looks, size) = match extent {
+            ExtentSource::Given(given) => (LOOKS_BESIDE_SIZE * looks, strain(given, own)),
+            _ => (looks, 0.0),
         };
         ERROR_WEIGHT * error.max(LEAST_ERROR).ln() + looks + size
     }
@@ -91,5 +95,8 @@ mod tests {
         detection.models = Some(ModelProbabilities { names, values: vec![0.7, 0.3] });
         assert_eq!(best(Ranking::Evidence, &detection, &ExtentSource::Model), "small");
         assert_eq!(best(Ranking::Error, &detection, &ExtentSource::Given(small)), "large");
+        // In full the looks would outvote a size that is nearer to the other's.
+        let nearer_to_large = ExtentSource::Given(Extent::new(1.74, 1.5, 4.26));
+        assert_eq!(best(Ranking::Evidence, &detection, &nearer_to_large), "large");
     }
 }
