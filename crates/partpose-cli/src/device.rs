@@ -18,6 +18,13 @@ impl Default for DeviceFlag {
     }
 }
 
+impl DeviceFlag {
+    /// Whether it is the processors.
+    pub(crate) fn is_processor(&self) -> bool {
+        self.0 == Self::default().0
+    }
+}
+
 /// The device of a name: `cpu`, `cuda`, `cuda:1`, `wgpu`, ...
 pub(crate) fn parse_device(name: &str) -> Result<DeviceFlag, String> {
     let (kind, number) = match name.split_once(':') {
@@ -99,7 +106,7 @@ mod tests {
 
     #[test]
     fn devices_are_told_by_their_names() {
-        assert!(parse_device("cpu").is_ok());
+        assert!(parse_device("cpu").unwrap().is_processor());
         for name in ["gpu", "cpu:1", "cuda:", "cuda:x", ""] {
             assert!(parse_device(name).is_err(), "{name}");
         }

@@ -70,6 +70,11 @@ impl EngineFlags {
     pub(crate) fn has_model(&self) -> bool {
         self.onnx_model.is_some()
     }
+
+    /// Whether all images go through one device that is not the processors.
+    pub(crate) fn shares_device(&self) -> bool {
+        self.engine == Engine::Own && self.onnx_model.is_none() && !self.device.is_processor()
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]

@@ -200,7 +200,7 @@ impl Fitter {
     }
 
     /// Names of the files of an image.
-    pub(crate) fn files(&self, stem: &str) -> Vec<PathBuf> {
+    fn files(&self, stem: &str) -> Vec<PathBuf> {
         let endings = ["json", "txt"].into_iter().chain(self.pictures.then_some("png"));
         endings.map(|ending| self.out.join(format!("{stem}.{ending}"))).collect()
     }

@@ -19,7 +19,7 @@ use crate::commands::tracking::{self, TrackFlags};
 use crate::network::{EngineFlags, Network};
 use crate::progress;
 use crate::report::{Outcome, note, warn};
-use crate::side_by_side::side_by_side;
+use crate::side_by_side::{JobsFlag, side_by_side};
 
 /// Folder of the detections below the output.
 const DETECTIONS: &str = "detections";
@@ -52,6 +52,8 @@ pub(crate) struct Arguments {
     weights: Option<PathBuf>,
     #[command(flatten)]
     engine: EngineFlags,
+    #[command(flatten)]
+    jobs: JobsFlag,
     /// Leave out detections with a lower score
     #[arg(long, value_name = "SCORE", default_value_t = 0.5, value_parser = parse_score)]
     min_score: f64,
@@ -116,7 +118,8 @@ fn run_with(
     let (done, open): (Vec<&Input>, Vec<&Input>) =
         inputs.iter().partition(|input| arguments.resume && is_done(arguments, fitter, input));
     let bar = progress::bar("images", open.len() as u64);
-    let looked = side_by_side(&open, |input| {
+    let jobs = arguments.jobs.count(arguments.engine.shares_device());
+    let looked = side_by_side(&open, jobs, |input| {
         let seen = look(input, &cameras, arguments.min_score, detect);
         let done = match seen {
             Ok(seen) => Some((seen.origin, finish(arguments, fitter, input, seen)?)),

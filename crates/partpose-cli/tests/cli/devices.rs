@@ -1,26 +1,32 @@
 //! GPUs find what processors find: `cargo test -p partpose-cli --features wgpu --test cli devices -- --nocapture` (`cuda`
 //! alike) prints how far they differ. Any Vulkan device will do, one in software included.
 
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use partpose::detection::Detection;
 use partpose::formats::read_detections;
 
 use crate::run;
 
-/// The vehicles of an image of the sample, best first; `None` where there is no such device.
+/// The vehicles of the sample's images, two of which are under way at once, best first of each; `None` where there is
+/// no such device.
 fn found(folder: &Path, device: &str) -> Option<Vec<Detection>> {
-    let image = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../examples/world/vkitti_1.3.1_rgb/1001/clone/00000.png");
-    let image = image.display().to_string();
+    let images =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/world/vkitti_1.3.1_rgb");
+    let images = images.display().to_string();
     let rest = ["--device", device, "--out", device, "--no-pictures", "--fit", "sqpnp"];
-    let said = run(folder, &[&["run", &image], &rest[..]].concat());
+    let said = run(folder, &[&["run", &images, "--jobs", "2"], &rest[..]].concat());
     if said.contains("no GPU was found") {
         return None;
     }
     assert!(said.ends_with("--- exit 0\n"), "{said}");
-    let file = folder.join(device).join("detections/00000.safetensors");
-    Some(read_detections(&file).unwrap().detections.into_iter().map(|(_, found)| found).collect())
+    let files = fs::read_dir(folder.join(device).join("detections")).unwrap();
+    let mut files: Vec<PathBuf> = files.map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    assert!(files.len() >= 3, "{files:?}");
+    let found = files.iter().flat_map(|file| read_detections(file).unwrap().detections);
+    Some(found.map(|(_, found)| found).collect())
 }
 
 #[test]

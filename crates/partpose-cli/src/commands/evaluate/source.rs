@@ -17,7 +17,7 @@ use crate::commands::detection_files::{self, DetectionIndex};
 use crate::network::{EngineFlags, Network};
 use crate::progress;
 use crate::report::{hint, warn};
-use crate::side_by_side::side_by_side;
+use crate::side_by_side::{JobsFlag, side_by_side};
 
 /// Frames that are worked on at once; more would only fill the memory.
 const CHUNK: usize = 32;
@@ -36,6 +36,8 @@ pub(super) struct SourceFlags {
     pub(super) weights: Vec<PathBuf>,
     #[command(flatten)]
     pub(super) engine: EngineFlags,
+    #[command(flatten)]
+    jobs: JobsFlag,
     /// Least score of the detections that count; curves and average precision take all
     #[arg(long, value_name = "SCORE", default_value_t = 0.5, value_parser = share)]
     pub(super) min_score: f64,
@@ -70,9 +72,10 @@ impl SourceFlags {
         if more || self.engine.has_model() {
             networks.push(Network::load(None, &self.engine)?);
         }
+        let jobs = self.jobs.count(self.engine.shares_device());
         sources.extend(networks.into_iter().map(|network| Source {
             name: network.name.clone(),
-            kind: Kind::Network(Box::new(network)),
+            kind: Kind::Network(Box::new(network), jobs),
         }));
         Ok(sources)
     }
@@ -86,7 +89,8 @@ pub(super) struct Source {
 
 enum Kind {
     File(DetectionIndex),
-    Network(Box<Network>),
+    /// With how many frames are under way at once.
+    Network(Box<Network>, usize),
     Oracle(OracleOptions),
 }
 
@@ -104,7 +108,7 @@ impl Source {
     pub(super) fn kernel(&self) -> usize {
         match &self.kind {
             Kind::File(index) => index.kernel().unwrap_or(28),
-            Kind::Network(network) => network.kernel(),
+            Kind::Network(network, _) => network.kernel(),
             Kind::Oracle(options) => options.kernel,
         }
     }
@@ -122,7 +126,7 @@ impl Source {
     ) -> anyhow::Result<Vec<Detection>> {
         Ok(match &self.kind {
             Kind::File(index) => index.of_frame(frame)?.map_or(Vec::new(), <[Detection]>::to_vec),
-            Kind::Network(network) => of_network(network, frame)?,
+            Kind::Network(network, _) => of_network(network, frame)?,
             Kind::Oracle(options) => of_oracle(frame, oracle, options),
         })
     }
@@ -134,9 +138,9 @@ impl Source {
                 .iter()
                 .map(|frame| Ok(index.of_frame(frame)?.map(<[Detection]>::to_vec)))
                 .collect(),
-            Kind::Network(network) => {
+            Kind::Network(network, jobs) => {
                 let look = |frame: &Frame| Ok(of_network(network, frame).map(Some));
-                let Ok(found) = side_by_side::<_, _, Infallible>(frames, look);
+                let Ok(found) = side_by_side::<_, _, Infallible>(frames, *jobs, look);
                 found
             }
             Kind::Oracle(options) => {
