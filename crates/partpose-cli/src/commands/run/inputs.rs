@@ -1,10 +1,11 @@
 //! The images that are meant by files, folders and patterns, and what they are called in results.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{self, Component, Path, PathBuf};
 
-use glob::{MatchOptions, glob_with};
+use glob::Pattern;
 use partpose::files::FileError;
 use partpose::labeling::Shard;
 
@@ -76,7 +77,9 @@ fn expand(text: &str, paths: &mut BTreeSet<PathBuf>) -> anyhow::Result<()> {
     } else if text.contains(['*', '?', '[']) {
         matching(text, &mut found)?;
         if found.is_empty() {
-            anyhow::bail!("no image matches `{text}`");
+            let error = anyhow::anyhow!("no image matches `{text}`");
+            let advice = "`[` begins a set of characters; `[[]` stands for the character itself";
+            return Err(if text.contains('[') { hint(error, advice) } else { error });
         }
     } else {
         anyhow::bail!("there is no image or folder `{text}`");
@@ -94,14 +97,13 @@ fn is_image(path: &Path) -> bool {
     ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
 }
 
-/// The entries of a folder, hidden ones left out.
-fn entries(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
+/// The entries of a folder, sorted; hidden ones only if they are asked for.
+fn entries(folder: &Path, hidden: bool) -> Result<Vec<PathBuf>, FileError> {
     let failed = |source| FileError::read(folder, source);
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if !name.starts_with('.') {
+        if hidden || !name_of(&path).starts_with('.') {
             found.push(path);
         }
     }
@@ -109,8 +111,13 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
     Ok(found)
 }
 
+/// The last part of a path; what is no UTF-8 in it stands as replacement characters, which `*` and `?` match.
+fn name_of(path: &Path) -> Cow<'_, str> {
+    path.file_name().unwrap_or_default().to_string_lossy()
+}
+
 fn search(folder: &Path, depth: usize, paths: &mut BTreeSet<PathBuf>) -> Result<(), FileError> {
-    for path in entries(folder)? {
+    for path in entries(folder, false)? {
         if path.is_dir() {
             // A loop of links ends at the deepest folder.
             if depth > 0 {
@@ -125,18 +132,59 @@ fn search(folder: &Path, depth: usize, paths: &mut BTreeSet<PathBuf>) -> Result<
 
 /// The files that a pattern means: `*`, `?` and `[0-9]` within a name, `**` for any folders; hidden ones must be named.
 fn matching(pattern: &str, paths: &mut BTreeSet<PathBuf>) -> anyhow::Result<()> {
-    let options = MatchOptions { require_literal_leading_dot: true, ..MatchOptions::new() };
-    let found = glob_with(pattern, options)
-        .map_err(|error| anyhow::anyhow!("the pattern `{pattern}` is wrong: {}", error.msg))?;
-    for path in found {
-        let path = path.map_err(|error| {
-            let place = error.path().to_owned();
-            FileError::read(&place, error.into())
-        })?;
-        if path.is_dir() {
-            search(&path, DEEPEST, paths)?;
+    let mut root = PathBuf::new();
+    let mut parts = Vec::new();
+    for component in Path::new(pattern).components() {
+        match component {
+            Component::Prefix(_) | Component::RootDir => root.push(component),
+            other => parts.push(other.as_os_str().to_str().unwrap_or_default()),
+        }
+    }
+    // Below a file there is nothing of an empty name: a pattern that ends so means folders.
+    if pattern.ends_with(path::is_separator) {
+        parts.push("");
+    }
+    descend(&root, &parts, DEEPEST, paths)
+}
+
+/// Follows the parts of a pattern downwards. The crate `glob`, which could walk, too, panics at names that are no UTF-8
+/// and leaves them out.
+fn descend(
+    place: &Path,
+    parts: &[&str],
+    depth: usize,
+    paths: &mut BTreeSet<PathBuf>,
+) -> anyhow::Result<()> {
+    let Some((part, rest)) = parts.split_first() else {
+        if place.is_dir() {
+            search(place, DEEPEST, paths)?;
         } else {
-            paths.insert(absolute(&path));
+            paths.insert(absolute(place));
+        }
+        return Ok(());
+    };
+    // What is there as it is written is meant as it is written: `photos [2024]`.
+    let literal = place.join(part);
+    if literal.exists() {
+        return descend(&literal, rest, depth, paths);
+    }
+    let folder = if place.as_os_str().is_empty() { Path::new(".") } else { place };
+    if !part.contains(['*', '?', '[']) || !folder.is_dir() {
+        return Ok(());
+    }
+    if *part == "**" {
+        descend(place, rest, depth, paths)?;
+        // A loop of links ends at the deepest folder.
+        for below in entries(folder, false)?.iter().filter(|path| depth > 0 && path.is_dir()) {
+            descend(below, parts, depth - 1, paths)?;
+        }
+        return Ok(());
+    }
+    let wanted = Pattern::new(part)
+        .map_err(|error| anyhow::anyhow!("the pattern `{part}` is wrong: {}", error.msg))?;
+    for path in entries(folder, part.starts_with('.'))? {
+        if wanted.matches(&name_of(&path)) {
+            descend(&path, rest, depth, paths)?;
         }
     }
     Ok(())
@@ -186,6 +234,46 @@ mod tests {
     }
 
     #[test]
+    fn hidden_files_must_be_named() {
+        let folder = folder();
+        fs::create_dir_all(folder.path().join(".cache/x")).unwrap();
+        fs::write(folder.path().join(".cache/x/3.png"), b"").unwrap();
+        assert_eq!(names(folder.path(), &["**/*.png"], None), ["a/1.png", "b/2.png"]);
+        assert_eq!(names(folder.path(), &["a/.h*"], None), [".hidden.png"]);
+        assert_eq!(names(folder.path(), &[".c*/**/*.png"], None), ["3.png"]);
+    }
+
+    #[test]
+    fn a_folder_whose_name_looks_like_a_pattern_is_meant_as_it_is_written() {
+        let folder = folder();
+        for name in ["photos [2024]/1.png", "photos 2/1.png", "b/photos [2024]/1.png"] {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, b"").unwrap();
+        }
+        assert_eq!(names(folder.path(), &["photos [2024]/*.png"], None), ["1.png"]);
+        assert_eq!(names(folder.path(), &["?/photos [2024]/?.png"], None), ["1.png"]);
+        let all = ["photos 2/1.png", "photos [2024]/1.png"];
+        assert_eq!(names(folder.path(), &["photos*/"], None), all);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn names_that_are_no_text_are_images_like_others() {
+        use std::ffi::OsStr;
+        use std::os::unix::ffi::OsStrExt;
+        let folder = folder();
+        // Where the file system takes only text there is nothing to be tested.
+        if fs::write(folder.path().join("a").join(OsStr::from_bytes(b"\xff.png")), b"").is_err() {
+            return;
+        }
+        let expected = ["1.png", "\u{fffd}.png"];
+        for pattern in ["a/*.png", "a", "**/a/?.png"] {
+            assert_eq!(names(folder.path(), &[pattern], None), expected, "{pattern}");
+        }
+    }
+
+    #[test]
     fn shards_share_the_images() {
         let folder = folder();
         let part = |text: &str| names(folder.path(), &["."], Some(text.parse().unwrap()));
@@ -200,6 +288,8 @@ mod tests {
         for nothing in ["c", "*.png", "a/?", "a/[", "***"] {
             assert!(collect(&wanted(nothing), None).is_err(), "{nothing}");
         }
+        let error = collect(&wanted("a/[2].png"), None).unwrap_err();
+        assert!(format!("{error:#?}").contains("`[[]`"), "{error:#?}");
         fs::create_dir(folder.path().join("empty")).unwrap();
         assert!(collect(&wanted("empty"), None).is_err());
     }
