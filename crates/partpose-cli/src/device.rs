@@ -7,21 +7,27 @@ use burn::tensor::Device;
 #[cfg(any(feature = "cuda", feature = "wgpu"))]
 use burn::tensor::DeviceType;
 
+const CPU: &str = "cpu";
+
 /// A device of this build.
 #[derive(Clone, Debug)]
-pub(crate) struct DeviceFlag(pub(crate) Device);
+pub(crate) struct DeviceFlag {
+    pub(crate) device: Device,
+    /// What is typed before the number.
+    pub(crate) kind: &'static str,
+}
 
 impl Default for DeviceFlag {
     /// The processors. (`Device::default` is whatever burn thinks fastest.)
     fn default() -> Self {
-        Self(Device::flex())
+        Self { device: Device::flex(), kind: CPU }
     }
 }
 
 impl DeviceFlag {
     /// Whether it is the processors.
     pub(crate) fn is_processor(&self) -> bool {
-        self.0 == Self::default().0
+        self.kind == CPU
     }
 }
 
@@ -36,7 +42,7 @@ pub(crate) fn parse_device(name: &str) -> Result<DeviceFlag, String> {
         }
     };
     match (kind, number) {
-        ("cpu", None) => Ok(DeviceFlag::default()),
+        (CPU, None) => Ok(DeviceFlag::default()),
         ("cuda", number) => cuda(number),
         ("wgpu", number) => wgpu(number),
         _ => Err(format!(
@@ -86,10 +92,14 @@ fn wgpu(_: Option<usize>) -> Result<DeviceFlag, String> {
 
 /// The device of a number among those that were found, the first without one.
 #[cfg(any(feature = "cuda", feature = "wgpu"))]
-fn choose(kind: &str, found: Vec<Device>, number: Option<usize>) -> Result<DeviceFlag, String> {
+fn choose(
+    kind: &'static str,
+    found: Vec<Device>,
+    number: Option<usize>,
+) -> Result<DeviceFlag, String> {
     let count = found.len();
     match (found.into_iter().nth(number.unwrap_or(0)), count) {
-        (Some(device), _) => Ok(DeviceFlag(device)),
+        (Some(device), _) => Ok(DeviceFlag { device, kind }),
         (None, 0) => Err(format!(
             "no GPU was found that `{kind}` can use (is its driver installed?); `--device cpu` needs none"
         )),

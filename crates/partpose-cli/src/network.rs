@@ -32,7 +32,8 @@ const SHIPPED: Option<&[u8]> = None;
 pub(crate) struct Network {
     /// What its weights are called in tables.
     pub(crate) name: String,
-    /// A hash of the weights, which tells networks of one name apart.
+    /// A hash of the weights, which tells networks of one name apart, and what runs them unless it is our own engine on
+    /// processors: others find the same, but not to the last digit.
     pub(crate) identity: String,
     kernel: usize,
     detector: AnyDetector,
@@ -92,7 +93,10 @@ impl Network {
         if let Some(model) = &flags.onnx_model {
             return Self::of_model(model, flags);
         }
-        let (net, name, identity) = load_weights(weights, &flags.device.0)?;
+        let (net, name, mut identity) = load_weights(weights, &flags.device.device)?;
+        if flags.shares_device() {
+            identity = format!("{identity}, {}", flags.device.kind);
+        }
         let kernel = net.config().parts.kernel;
         let detector = match flags.engine {
             Engine::Own => AnyDetector::Own(Box::new(Detector::new(&net))),
@@ -168,7 +172,7 @@ pub(crate) fn load_weights(
 }
 
 /// FNV-1a of eight bytes at a time: fixed, and fast enough for 30 MB.
-fn hash(bytes: &[u8]) -> u64 {
+pub(crate) fn hash(bytes: &[u8]) -> u64 {
     let step = |hash: u64, chunk: &[u8]| {
         let mut word = [0; 8];
         word[..chunk.len()].copy_from_slice(chunk);

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use partpose::pose::dense::GravityPrior;
 use partpose::pose::ground::GroundOptions;
 use partpose::pose::scene::SceneOptions;
+use serde_json::{Value, json};
 
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct SceneFlags {
@@ -47,6 +48,16 @@ fn direction(text: &str) -> Result<Vector3<f64>, String> {
 }
 
 impl SceneFlags {
+    /// What was asked for, for records.
+    pub(crate) fn settings(&self) -> Value {
+        json!({
+            "ground": self.ground,
+            "camera_height": self.camera_height,
+            "gravity": self.gravity.map(<[f64; 3]>::from),
+            "alone": self.alone,
+        })
+    }
+
     /// The options that the flags ask for.
     pub(crate) fn options(&self) -> SceneOptions {
         let camera_height = self.camera_height.map(|height| [height, HEIGHT_SIGMA]);

@@ -58,7 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     // First what can be refused, so that nothing else is overwritten then.
     zoo.save(&out.join("zoo"))?;
     let network = Network::load(arguments.weights.as_deref(), &EngineFlags::default())?;
-    let fitter = Fitter::new(&FitFlags::default(), out, false)?;
+    let fitter = Fitter::new(&FitFlags::default(), out)?;
     let data = out.join("data");
     sample::write(&data)?;
     let count = arguments.scenes.map_or(usize::MAX, |count| count as usize);

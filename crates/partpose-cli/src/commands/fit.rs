@@ -58,11 +58,7 @@ struct ImageDetections {
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let file = detection_files::read(&arguments.detections)?;
-    let fitter = Fitter::new(
-        &arguments.fit,
-        &arguments.out,
-        file.detections.iter().any(|(_, d)| d.size.is_some()),
-    )?;
+    let fitter = Fitter::new(&arguments.fit, &arguments.out)?;
     let camera = load_camera(&arguments.camera)?;
     let mut by_image = by_image(file, arguments.min_score)?;
     if let Some(shard) = &arguments.shard {

@@ -10,6 +10,8 @@ use partpose::pose::dense::SizePrior;
 use partpose::pose::scene::{SceneDetection, SceneOptions, estimate_scene};
 use partpose::pose::{ExtentSource, NoPose, PoseEstimate, PoseEstimator};
 use partpose::vehicle::ModelZoo;
+use serde::Deserialize;
+use serde_json::Value;
 
 use super::mask_bias;
 use super::result_files::{self, Pictured};
@@ -37,6 +39,13 @@ pub(crate) struct FitFlags {
     scene: SceneFlags,
     #[command(flatten)]
     pose: PoseFlags,
+}
+
+impl FitFlags {
+    /// What is asked for of the vehicles of an image together, for records.
+    pub(crate) fn scene(&self) -> Value {
+        self.scene.settings()
+    }
 }
 
 impl Default for FitFlags {
@@ -93,6 +102,17 @@ impl FitExtent {
             // The fit adds what the detection says.
             (Self::File, Some(_)) | (Self::Free, _) => ExtentSource::Free(SizePrior::around(None)),
             (Self::File, None) | (Self::Model, _) => ExtentSource::Model,
+        }
+    }
+
+    fn in_words(self) -> String {
+        match self {
+            Self::File => "of the detections, else of the models".to_owned(),
+            Self::Model => "of the models".to_owned(),
+            Self::Free => "of the models, stretched by the masks".to_owned(),
+            Self::Given(Extent { width, height, length }) => {
+                format!("given: {width} x {height} x {length} m (width, height, length)")
+            }
         }
     }
 }
@@ -159,8 +179,8 @@ impl Counts {
 }
 
 impl Fitter {
-    /// Reads the zoo and prepares it; `has_extents` tells whether detections come with their sizes.
-    pub(crate) fn new(flags: &FitFlags, out: &Path, has_extents: bool) -> anyhow::Result<Self> {
+    /// Reads the zoo and prepares it.
+    pub(crate) fn new(flags: &FitFlags, out: &Path) -> anyhow::Result<Self> {
         let mut options = flags.pose.options();
         options.dense.mask_bias = flags.mask_bias.as_deref().map(mask_bias::read).transpose()?;
         let zoo = match &flags.zoo {
@@ -176,12 +196,18 @@ impl Fitter {
             settings: ResultSettings {
                 version: env!("CARGO_PKG_VERSION"),
                 zoo: name.unwrap_or_else(|| "embedded".to_owned()),
-                extent: extent_in_words(flags.extent, has_extents),
+                extent: flags.extent.in_words(),
                 pose: options,
+                run: None,
             },
             pictures: !flags.no_pictures,
             out: out.to_owned(),
         })
+    }
+
+    /// The same, with results that say of which run they are.
+    pub(crate) fn of_run(self, run: String) -> Self {
+        Self { settings: ResultSettings { run: Some(run), ..self.settings }, ..self }
     }
 
     /// The models.
@@ -203,6 +229,24 @@ impl Fitter {
     fn files(&self, stem: &str) -> Vec<PathBuf> {
         let endings = ["json", "txt"].into_iter().chain(self.pictures.then_some("png"));
         endings.map(|ending| self.out.join(format!("{stem}.{ending}"))).collect()
+    }
+
+    /// Whether all files of an image are there, of the same run. Each is written whole or not at all, and the JSON, which
+    /// says of which run it is, last: the others are not older.
+    pub(crate) fn has_written(&self, stem: &str) -> bool {
+        #[derive(Deserialize)]
+        struct Written {
+            settings: Settings,
+        }
+        #[derive(Deserialize)]
+        struct Settings {
+            run: Option<String>,
+        }
+        let bytes = files::read(&self.out.join(format!("{stem}.json")));
+        let written: Option<Written> =
+            bytes.ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+        written.is_some_and(|written| written.settings.run == self.settings.run)
+            && self.files(stem).iter().all(|path| path.is_file())
     }
 
     /// Finds the poses of an image and writes JSON, KITTI text and picture.
@@ -235,9 +279,6 @@ impl Fitter {
     pub(crate) fn write(&self, shown: &Shown, estimated: &[Estimated]) -> anyhow::Result<Counts> {
         let Shown { name, stem, camera, image, truth } = shown;
         let posed = estimated.iter().filter(|(_, estimate)| estimate.is_ok()).count();
-        let result = image_result(name, camera, &self.settings, estimated);
-        let written: Vec<_> = estimated.iter().map(|(d, e)| (d, e.as_ref().ok())).collect();
-        result_files::write_results(&self.out, stem, &result, &written, &self.zoo)?;
         if self.pictures {
             let pictured: Vec<Pictured> = estimated
                 .iter()
@@ -253,17 +294,9 @@ impl Fitter {
             let picture = result_files::picture(stem, camera, *image, drawn);
             files::write_png(&self.out.join(format!("{stem}.png")), &picture)?;
         }
+        let result = image_result(name, camera, &self.settings, estimated);
+        let written: Vec<_> = estimated.iter().map(|(d, e)| (d, e.as_ref().ok())).collect();
+        result_files::write_results(&self.out, stem, &result, &written, &self.zoo)?;
         Ok(Counts { posed, without: estimated.len() - posed, skipped: 0 })
-    }
-}
-
-fn extent_in_words(extent: FitExtent, has_extents: bool) -> String {
-    match extent {
-        FitExtent::File if has_extents => "given with the detections".to_owned(),
-        FitExtent::File | FitExtent::Model => "of the models".to_owned(),
-        FitExtent::Free => "of the models, stretched by the masks".to_owned(),
-        FitExtent::Given(e) => {
-            format!("given: {} x {} x {} m (width, height, length)", e.width, e.height, e.length)
-        }
     }
 }

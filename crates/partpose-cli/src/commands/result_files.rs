@@ -60,7 +60,7 @@ pub(crate) fn stems(images: &[String]) -> anyhow::Result<Vec<String>> {
     Ok(stems)
 }
 
-/// Writes `STEM.json` and `STEM.txt`.
+/// Writes `STEM.txt` and, as what tells that all is there, `STEM.json`.
 pub(crate) fn write_results(
     folder: &Path,
     stem: &str,
@@ -68,8 +68,6 @@ pub(crate) fn write_results(
     estimates: &[(&Detection, Option<&PoseEstimate>)],
     zoo: &ModelZoo,
 ) -> anyhow::Result<()> {
-    let json = serde_json::to_string_pretty(result)?;
-    files::write(&folder.join(format!("{stem}.json")), json.as_bytes())?;
     let rows: Vec<KittiRow> = estimates
         .iter()
         .filter_map(|(detection, estimate)| {
@@ -87,6 +85,8 @@ pub(crate) fn write_results(
         .collect();
     let text = kitti_text(&rows, &Vector3::zeros());
     files::write(&folder.join(format!("{stem}.txt")), text.as_bytes())?;
+    let json = serde_json::to_string_pretty(result)?;
+    files::write(&folder.join(format!("{stem}.json")), json.as_bytes())?;
     Ok(())
 }
 

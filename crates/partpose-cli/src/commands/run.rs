@@ -85,11 +85,11 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     // Either has a core to itself for most of its time.
     let (network, fitter) = rayon::join(
         || Network::load(arguments.weights.as_deref(), &arguments.engine),
-        || Fitter::new(&arguments.fit, &arguments.out, false),
+        || Fitter::new(&arguments.fit, &arguments.out),
     );
     let (network, fitter) = (network?, fitter?);
     let detect = |image: &RgbImage| network.detect(image);
-    run_with(arguments, &inputs, (&network.identity, &detect), &fitter)
+    run_with(arguments, &inputs, (&network.identity, &detect), fitter)
 }
 
 /// The detector: an image to what it shows.
@@ -107,14 +107,15 @@ fn run_with(
     arguments: &Arguments,
     inputs: &[Input],
     (weights, detect): (&str, Detect),
-    fitter: &Fitter,
+    fitter: Fitter,
 ) -> anyhow::Result<Outcome> {
     let cameras = match &arguments.camera {
         Some(path) => Cameras::load(path)?,
         None => Cameras::guess(arguments.fov.to_radians()),
     };
     files::create_folder(&arguments.out)?;
-    record::settle(arguments, weights, fitter)?;
+    let run = record::settle(arguments, weights, &fitter)?;
+    let fitter = &fitter.of_run(run);
     let (done, open): (Vec<&Input>, Vec<&Input>) =
         inputs.iter().partition(|input| arguments.resume && is_done(arguments, fitter, input));
     let bar = progress::bar("images", open.len() as u64);
@@ -226,10 +227,9 @@ fn detections_file(out: &Path, stem: &str) -> PathBuf {
     out.join(DETECTIONS).join(format!("{stem}.{ENDING}"))
 }
 
-/// Whether all files of an image are there; each is written whole or not at all.
+/// Whether all files of an image are there, of the same settings.
 fn is_done(arguments: &Arguments, fitter: &Fitter, input: &Input) -> bool {
-    detections_file(&arguments.out, &input.stem).is_file()
-        && fitter.files(&input.stem).iter().all(|path| path.is_file())
+    detections_file(&arguments.out, &input.stem).is_file() && fitter.has_written(&input.stem)
 }
 
 #[cfg(test)]

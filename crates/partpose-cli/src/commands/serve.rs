@@ -107,7 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Some(path) => Cameras::load(path)?,
         None => Cameras::guess(arguments.fov.to_radians()),
     };
-    let fitter = Fitter::new(&arguments.fit, &PathBuf::new(), false)?;
+    let fitter = Fitter::new(&arguments.fit, &PathBuf::new())?;
     let network = Network::load(arguments.weights.as_deref(), &arguments.engine)?;
     let (limits, min_score) = (arguments.limits, arguments.min_score);
     let metrics = Arc::new(Metrics::default());

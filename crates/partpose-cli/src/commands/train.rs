@@ -88,7 +88,7 @@ enum Preset {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let device = arguments.device.0.clone().autodiff();
+    let device = arguments.device.device.clone().autodiff();
     let mut config = resolve(arguments)?;
     let data = read_data(arguments, &config)?;
     if config.data.balance == Balance::InverseSquareRoot && !arguments.resume {

@@ -34,6 +34,9 @@ pub struct ResultSettings {
     pub extent: String,
     /// The pose stage.
     pub pose: PoseOptions,
+    /// What tells the settings of a whole run from others, the detector's included; `None` where there is no run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub run: Option<String>,
 }
 
 /// One detection with its pose, or with the reason why there is none.

@@ -5,15 +5,24 @@ use serde_json::{Value, json};
 
 use super::Arguments;
 use crate::commands::fitting::Fitter;
+use crate::network::hash;
 use crate::report::hint;
 
 /// Name of the record.
 const RECORD: &str = "run.json";
 
-/// Writes the record; with `--resume` an earlier one must say the same.
-pub(super) fn settle(arguments: &Arguments, weights: &str, fitter: &Fitter) -> anyhow::Result<()> {
+/// Writes the record; with `--resume` an earlier one must say the same. Returns what tells it from others.
+///
+/// Each result says of which record it is, since results of others may lie beside them: a run that is done anew with
+/// other settings replaces the record at once, and the results, which are of use until then, one by one.
+pub(super) fn settle(
+    arguments: &Arguments,
+    weights: &str,
+    fitter: &Fitter,
+) -> anyhow::Result<String> {
     let path = arguments.out.join(RECORD);
     let record = record(arguments, weights, fitter)?;
+    let identity = format!("{:016x}", hash(record.to_string().as_bytes()));
     if arguments.resume && path.exists() {
         let earlier: Value = serde_json::from_slice(&files::read(&path)?).unwrap_or(Value::Null);
         if let Some((key, was)) = difference(&earlier, &record) {
@@ -26,9 +35,10 @@ pub(super) fn settle(arguments: &Arguments, weights: &str, fitter: &Fitter) -> a
                 "give the same settings, another `--out`, or leave out `--resume` to write everything anew",
             ));
         }
-        return Ok(());
+        return Ok(identity);
     }
-    Ok(files::write(&path, serde_json::to_string_pretty(&record)?.as_bytes())?)
+    files::write(&path, serde_json::to_string_pretty(&record)?.as_bytes())?;
+    Ok(identity)
 }
 
 fn record(arguments: &Arguments, weights: &str, fitter: &Fitter) -> anyhow::Result<Value> {
@@ -41,6 +51,7 @@ fn record(arguments: &Arguments, weights: &str, fitter: &Fitter) -> anyhow::Resu
         "weights": weights,
         "min_score": arguments.min_score,
         "camera": camera,
+        "scene": arguments.fit.scene(),
         "fit": serde_json::to_value(fitter.settings())?,
     }))
 }

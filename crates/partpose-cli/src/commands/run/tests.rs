@@ -33,9 +33,9 @@ fn run_in(folder: &Path, more: &[&str]) -> (anyhow::Result<Outcome>, usize) {
         };
         Ok(vec![found(0.9), found(0.1)])
     };
-    let fitter = Fitter::new(&arguments.fit, &arguments.out, false);
+    let fitter = Fitter::new(&arguments.fit, &arguments.out);
     let outcome =
-        fitter.and_then(|fitter| run_with(&arguments, &inputs, ("test", &detect), &fitter));
+        fitter.and_then(|fitter| run_with(&arguments, &inputs, ("test", &detect), fitter));
     (outcome, calls.into_inner())
 }
 
@@ -82,6 +82,27 @@ fn resumed_run_does_what_is_left_and_nothing_else() {
     let (outcome, calls) = run_in(folder.path(), &["--resume", "--min-score", "0.05"]);
     let said = outcome.unwrap_err().to_string();
     assert!(said.contains("`min_score` was 0.5, now it is 0.05") && calls == 0, "{said}");
+    let others = [(&["--extent", "model"][..], "`fit`"), (&["--alone"], "`scene`")];
+    for (other, told) in others {
+        let (outcome, calls) = run_in(folder.path(), &[&["--resume"], other].concat());
+        let said = outcome.unwrap_err().to_string();
+        assert!(said.contains(told) && calls == 0, "{said}");
+    }
+}
+
+#[test]
+fn results_of_other_settings_are_not_kept_when_a_run_anew_was_interrupted() {
+    let folder = folder();
+    assert_eq!(run_in(folder.path(), &[]).1, 2);
+    // As if it had been stopped after the first image.
+    let anew = ["--min-score", "0.05", "--shard", "1/2"];
+    assert_eq!(run_in(folder.path(), &anew).1, 1);
+    assert_eq!(run_in(folder.path(), &["--min-score", "0.05", "--resume"]).1, 1);
+    for name in ["a", "b"] {
+        let path = folder.path().join(format!("out/detections/{name}.safetensors"));
+        assert_eq!(read_detections(&path).unwrap().detections.len(), 2, "{name}");
+    }
+    assert_eq!(run_in(folder.path(), &["--min-score", "0.05", "--resume"]).1, 0);
 }
 
 #[test]

@@ -56,7 +56,7 @@ fn start(more: &[&str], seconds: f64) -> Running {
         };
         Ok(vec![detection])
     });
-    let fitter = Fitter::new(&arguments.fit, &PathBuf::new(), false).unwrap();
+    let fitter = Fitter::new(&arguments.fit, &PathBuf::new()).unwrap();
     let limits = arguments.limits;
     let metrics = Arc::new(Metrics::default());
     let engine = Engine {
