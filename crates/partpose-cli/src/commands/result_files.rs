@@ -27,7 +27,11 @@ pub(crate) struct Pictured<'a> {
 /// Endings that are not part of an image's name.
 const IMAGE_ENDINGS: [&str; 7] = ["png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp"];
 
-/// The name of an image without its ending, safe as a file's name: folders become part of it.
+/// JSON files, without their ending, that are no results but may lie beside them.
+pub(crate) const OTHERS: [&str; 5] = ["metrics", "carved", "images", "objects", "run"];
+
+/// The name of an image without its ending, safe as a file's name: folders become part of it, and an underscore follows
+/// where other files are called so.
 pub(crate) fn stem(image: &str) -> String {
     let name = Path::new(image);
     let ending = name.extension().map(|ending| ending.to_string_lossy().to_lowercase());
@@ -38,7 +42,14 @@ pub(crate) fn stem(image: &str) -> String {
         _ => None,
     });
     let name = parts.collect::<Vec<_>>().join("_");
-    if name.is_empty() { "image".to_owned() } else { name }
+    match name.as_str() {
+        "" => "image".to_owned(),
+        // Some file systems do not tell capitals from small letters.
+        other if OTHERS.iter().any(|taken| taken.eq_ignore_ascii_case(other)) => {
+            format!("{other}_")
+        }
+        _ => name,
+    }
 }
 
 /// The stems of all images; an error if two would write the same files.
@@ -163,11 +174,23 @@ mod tests {
     }
 
     #[test]
+    fn results_are_not_called_like_other_files_beside_them() {
+        assert_eq!(stem("run.png"), "run_");
+        assert_eq!(stem("Metrics"), "Metrics_");
+        assert_eq!(stem("a/run.png"), "a_run");
+    }
+
+    #[test]
     fn images_that_would_overwrite_each_other_are_refused() {
         let names =
             |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
         assert_eq!(stems(&names(&["f.0001", "f.0002", "g.png"])).unwrap().len(), 3);
-        for clash in [["x/a.png", "x_a.jpg"], ["a.png", "a.png"], ["A.png", "a.png"]] {
+        for clash in [
+            ["x/a.png", "x_a.jpg"],
+            ["a.png", "a.png"],
+            ["A.png", "a.png"],
+            ["run.png", "run_.png"],
+        ] {
             let said = stems(&names(&clash)).unwrap_err().to_string();
             assert!(said.contains(clash[0]) && said.contains(clash[1]), "{said}");
         }

@@ -11,6 +11,7 @@ use partpose::formats::{
 use partpose::geometry::Camera;
 use partpose::vehicle::ModelZoo;
 
+use crate::commands::result_files::OTHERS;
 use crate::report::{hint, warn_error};
 
 /// Where vehicles come from.
@@ -75,9 +76,8 @@ pub(crate) fn read_results(
     };
     // Other JSON lies beside the results of some commands.
     let other = |path: &Path| {
-        let name = path.file_name().unwrap_or_default();
-        let known = ["metrics.json", "carved.json", "images.json", "objects.json", "run.json"];
-        known.iter().any(|other| *other == name)
+        let stem = path.file_stem().unwrap_or_default();
+        OTHERS.iter().any(|other| *other == stem)
     };
     let paths = if path.is_dir() {
         files_with_ending(path, "json")?.into_iter().filter(|path| !other(path)).collect()
