@@ -97,6 +97,8 @@ pub enum TrainError {
 /// What a training tells while it runs.
 #[derive(Debug)]
 pub enum Event<'a> {
+    /// It begins: nothing speaks against it. Nothing has been written yet.
+    Begun,
     /// It goes on from a checkpoint.
     Resumed {
         /// Steps done.
@@ -186,13 +188,13 @@ pub fn train(
         return Err(TrainError::NoFrames);
     }
     let mut state = State::begin(config, folder, begin, device)?;
+    let mut wish = observe(Event::Begun);
     if state.checkpoint.step > 0 {
         observe(Event::Resumed { step: state.checkpoint.step });
     }
     let steps = config.schedule.steps;
     let mut loader = Loader::start(Arc::clone(&data.training), config, state.checkpoint.step);
     let mut window = Window::default();
-    let mut wish = Wish::GoOn;
     while state.checkpoint.step < steps && wish == Wish::GoOn {
         let waiting = Instant::now();
         let batch = loader.next_batch()?;

@@ -91,7 +91,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let device = arguments.device.device.clone().autodiff();
     let mut config = resolve(arguments)?;
     let data = read_data(arguments, &config)?;
-    if config.data.balance == Balance::InverseSquareRoot && !arguments.resume {
+    // A run goes on with the weights that it began with.
+    let weighted = arguments.resume && !config.net.parts.class_weights.is_empty();
+    if config.data.balance == Balance::InverseSquareRoot && !weighted {
         let zoo = ModelZoo::embedded();
         config.net.parts.class_weights = balance::class_weights(&data.training, &zoo)?;
     }
@@ -106,13 +108,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         data.validation.len()
     ));
     files::create_folder(&arguments.out)?;
-    let text = toml::to_string_pretty(&config).context("cannot write the configuration")?;
-    let path = arguments.out.join(CONFIG);
-    if arguments.resume || !path.exists() {
-        files::write(&path, text.as_bytes())?;
-    }
-    let end = train_it(arguments, &data, &config, (begin, &device));
-    let end = end.map_err(|error| advised(error, &arguments.out))?;
+    let end = train_it(arguments, &data, &config, (begin, &device))?;
     let folder = arguments.out.display();
     if end.finished {
         note(format_args!(
@@ -132,7 +128,9 @@ fn train_it(
     data: &TrainData,
     config: &TrainConfig,
     begin: (Begin, &Device),
-) -> Result<train::Outcome, TrainError> {
+) -> anyhow::Result<train::Outcome> {
+    let text = toml::to_string_pretty(config).context("cannot write the configuration")?;
+    let mut written = Ok(());
     let stop = Arc::new(AtomicBool::new(false));
     let asked = Arc::clone(&stop);
     // Without a handler Ctrl-C ends the program at once, and the last checkpoint is what is left.
@@ -147,6 +145,13 @@ fn train_it(
     let mut waited = 0.0;
     let end = train::train(data, config, &arguments.out, begin, &mut |event| {
         match event {
+            // Only now, so that a run that is not gone on with keeps its own.
+            Event::Begun => {
+                written = files::write(&arguments.out.join(CONFIG), text.as_bytes());
+                if written.is_err() {
+                    return Wish::Stop;
+                }
+            }
             Event::Resumed { step } => bar.reset_with(step),
             Event::Step { step, steps, images: more, waited: seconds, row } => {
                 bar.set_position(step);
@@ -196,7 +201,8 @@ fn train_it(
         if over || stop.load(Ordering::Relaxed) { Wish::Stop } else { Wish::GoOn }
     });
     bar.finish_and_clear();
-    end
+    written?;
+    end.map_err(|error| advised(error, &arguments.out))
 }
 
 /// Defaults, then the file, then flags.

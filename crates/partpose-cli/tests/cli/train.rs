@@ -110,6 +110,28 @@ fn a_training_that_explodes_keeps_what_was_good_and_names_the_images() {
 }
 
 #[test]
+fn the_configuration_of_a_run_is_that_of_its_weights() {
+    let folder = folder();
+    let root = folder.path();
+    let config = || fs::read_to_string(root.join("run/config.toml")).unwrap();
+    // What an attempt left that did not come to a checkpoint.
+    fs::create_dir(root.join("run")).unwrap();
+    fs::write(root.join("run/config.toml"), "seed = 77\n").unwrap();
+    let said = train(root, "run", &["--steps", "1", "--seed", "5"]);
+    assert!(said.ends_with("--- exit 0\n"), "{said}");
+    assert!(config().contains("seed = 5"), "{}", config());
+    // A run is not gone on with under another configuration, and keeps its own.
+    let own = config();
+    for other in [&["--resume", "--seed", "6"][..], &["--resume", "--kernel", "14"], &[]] {
+        let said = train(root, "run", other);
+        assert!(said.contains("hint: ") && said.ends_with("--- exit 2\n"), "{said}");
+        assert_eq!(config(), own);
+    }
+    let said = run(root, &["train", "--dataset", &sample(), "--out", "run", "--resume"]);
+    assert!(said.ends_with("--- exit 0\n"), "{said}");
+}
+
+#[test]
 fn what_cannot_be_trained_is_told_before_anything_is_written() {
     let folder = folder();
     let root = folder.path();
