@@ -9,6 +9,7 @@ use partpose::detection::Detection;
 use partpose::eval::files_with_ending;
 use partpose::formats::{DetectionFile, DetectionFileError, read_detections};
 
+use crate::network::hash;
 use crate::report::hint;
 
 /// What files of detections end in.
@@ -130,6 +131,23 @@ impl DetectionIndex {
         first.map(|detection| detection.probabilities.size())
     }
 
+    /// A hash of all that is in it.
+    pub(crate) fn identity(&self) -> String {
+        let mut hashes: Vec<u8> = Vec::new();
+        for (name, detections) in self.images.names.iter().zip(&self.detections) {
+            hashes.extend(hash(name.as_bytes()).to_le_bytes());
+            for found in detections {
+                let Detection { bounds, score, probabilities, unknown, size, models } = found;
+                let values = probabilities.values().iter();
+                let values: Vec<u8> = values.flat_map(|value| value.to_le_bytes()).collect();
+                let rest = format!("{bounds:?} {score} {unknown:?} {size:?} {models:?}");
+                hashes.extend(hash(&values).to_le_bytes());
+                hashes.extend(hash(rest.as_bytes()).to_le_bytes());
+            }
+        }
+        format!("{:016x}", hash(&hashes))
+    }
+
     /// The detections of a frame, found as [`ImageIndex::of_frame`] finds it.
     pub(crate) fn of_frame(&self, frame: &Frame) -> anyhow::Result<Option<&[Detection]>> {
         Ok(self.images.of_frame(frame)?.map(|index| self.detections[index].as_slice()))
@@ -235,6 +253,16 @@ mod tests {
         assert_eq!(found(&index_of(&["00003.png", "0001/fog/00003.png"]), &fog), Some(1));
         let clash = index_of(&["fog/00003.png", "fog/00003.jpg"]);
         assert!(clash.of_frame(&fog).is_err());
+    }
+
+    #[test]
+    fn identity_is_that_of_the_content() {
+        let identity = |images: &[&str]| index_of(images).identity();
+        assert_eq!(identity(&["a.png", "b.png"]), identity(&["a.png", "b.png"]));
+        assert_ne!(identity(&["a.png", "b.png"]), identity(&["a.png", "c.png"]));
+        let mut other = index_of(&["a.png", "b.png"]);
+        other.detections[1][0].score = 0.5;
+        assert_ne!(other.identity(), identity(&["a.png", "b.png"]));
     }
 
     #[test]

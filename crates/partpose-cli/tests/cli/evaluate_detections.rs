@@ -224,8 +224,18 @@ fn parts_of_an_evaluation_are_together_the_whole() {
         assert!(said.contains("; missing: ") && said.ends_with("--- exit 0\n"), "{said}");
     }
     assert!(!folder.path().join("parts/metrics.json").exists());
-    let other = evaluate(&["--out", "parts", "--shard", "2/3", "--box", "tight"]);
-    assert!(other.contains("other settings") && other.ends_with("--- exit 2\n"), "{other}");
+    fs::write(folder.path().join("names.toml"), "Other = [\"sedan\"]\n").unwrap();
+    let others = [
+        ["--box", "tight"],
+        ["--size-head", "5"],
+        ["--model-head", "80"],
+        ["--model-names", "names.toml"],
+        ["--ground", "--joint"],
+    ];
+    for other in others {
+        let said = evaluate(&[&["--out", "parts", "--shard", "2/3"], &other[..]].concat());
+        assert!(said.contains("other settings") && said.ends_with("--- exit 2\n"), "{said}");
+    }
     let last = evaluate(&["--out", "parts", "--shard", "2/3"]);
     assert_eq!(last.replace("`parts`", "`whole`"), whole);
     for file in ["metrics.json", "tables.md", "vehicles.csv", "table-1.csv"] {

@@ -174,6 +174,8 @@ struct Row {
 struct Evaluated {
     /// What made the detections.
     detections: String,
+    /// What tells it from others of that name.
+    identity: String,
     configurations: Vec<Configuration>,
     rows: Vec<Vec<Row>>,
     skipped: usize,
@@ -241,7 +243,11 @@ fn evaluate(
         rows::degrade(&mut configurations, &frames, &options, target, arguments.pose.seed)?;
     }
     let detections = source.map_or("oracle".to_owned(), |source| source.name.clone());
-    let own = shards::own(arguments, &frames, (&detections, &configurations), &mut skipped)?;
+    // Only parts must be sure that all have the same; files are gone through for it.
+    let identity =
+        source.filter(|_| arguments.shard.is_some()).map_or(String::new(), Source::identity);
+    let own =
+        shards::own(arguments, &frames, (&detections, &identity, &configurations), &mut skipped)?;
     let last = configurations.len() - 1;
     let mut pictures = pictures::Pictures::new(&own, arguments.pictures);
     let mut rows: Vec<Vec<Row>> = configurations.iter().map(|_| Vec::new()).collect();
@@ -296,7 +302,7 @@ fn evaluate(
         }
     }
     skipped += unreadable.len() + pictures.write(arguments)?;
-    Ok(Evaluated { detections, configurations, rows, skipped })
+    Ok(Evaluated { detections, identity, configurations, rows, skipped })
 }
 
 /// What became of the vehicles of each frame.

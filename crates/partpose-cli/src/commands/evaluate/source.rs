@@ -113,6 +113,15 @@ impl Source {
         }
     }
 
+    /// What tells it from others of its name.
+    pub(super) fn identity(&self) -> String {
+        match &self.kind {
+            Kind::File(index) => index.identity(),
+            Kind::Network(network, _) => network.identity.clone(),
+            Kind::Oracle(_) => self.name.clone(),
+        }
+    }
+
     /// Whether it is the ground truth.
     pub(super) fn is_oracle(&self) -> bool {
         matches!(self.kind, Kind::Oracle(_))

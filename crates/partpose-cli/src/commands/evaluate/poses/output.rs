@@ -128,6 +128,10 @@ pub(super) fn settings(arguments: &Arguments, detections: &str) -> serde_json::V
         "degrade_to_pixel_accuracy": arguments.degrade,
         "extent": name(arguments.extent.to_possible_value()),
         "mask_bias_measured_on": arguments.mask_bias,
+        "scene": arguments.scene.in_words(),
+        "size_head": arguments.size_head,
+        "model_head": arguments.model_head,
+        "model_names": arguments.model_names.as_ref().map(|path| path.display().to_string()),
     })
 }
 

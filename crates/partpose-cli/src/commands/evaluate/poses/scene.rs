@@ -40,6 +40,19 @@ const ESTIMATED: f64 = 0.01;
 const STRIDE: usize = 5;
 
 impl Flags {
+    /// What is asked for, in words; nothing if vehicles are fitted each alone.
+    pub(super) fn in_words(&self) -> Vec<String> {
+        let height = self.camera_height.map(|height| format!("camera height {height} m"));
+        let gravity = match self.gravity {
+            Gravity::Poses => "gravity of the camera's poses",
+            Gravity::Vehicles => "gravity of the vehicles",
+        };
+        let ground = ["ground", gravity].map(str::to_owned).into_iter().filter(|_| self.ground);
+        let joint = self.joint.then(|| "joint".to_owned());
+        let without = self.without_unknown.then(|| "without unknown".to_owned());
+        ground.chain(height).chain(joint).chain(without).collect()
+    }
+
     /// What the flags ask for; `None` if vehicles are fitted each alone.
     pub(super) fn protocol(&self) -> Option<SceneProtocol> {
         let camera_height = self.camera_height.map(|height| [height, HEIGHT_SIGMA]);

@@ -17,6 +17,9 @@ use serde_json::{Value, json};
 use super::{Arguments, Evaluated, Row, output};
 use crate::report::{hint, note};
 
+/// What made the detections, what tells it from others of that name, and what is done with them.
+type Compared<'a> = (&'a str, &'a str, &'a [Configuration]);
+
 /// What a part leaves for the others.
 #[derive(Serialize, Deserialize)]
 struct Part {
@@ -31,7 +34,7 @@ struct Part {
 pub(super) fn own<'a>(
     arguments: &Arguments,
     frames: &'a [Frame],
-    settings: (&str, &[Configuration]),
+    settings: Compared,
     skipped: &mut usize,
 ) -> anyhow::Result<Cow<'a, [Frame]>> {
     let Some(shard) = arguments.shard else { return Ok(Cow::Borrowed(frames)) };
@@ -49,12 +52,8 @@ pub(super) fn place(index: usize, shard: Option<Shard>) -> usize {
 }
 
 /// Refuses a folder with parts of other settings, before any work is done.
-fn check(
-    arguments: &Arguments,
-    shard: Shard,
-    (detections, configurations): (&str, &[Configuration]),
-) -> anyhow::Result<()> {
-    let settings = settings(arguments, (detections, configurations));
+fn check(arguments: &Arguments, shard: Shard, compared: Compared) -> anyhow::Result<()> {
+    let settings = settings(arguments, compared)?;
     for index in 1..=shard.count {
         let path = path(arguments, Shard { index, ..shard });
         if path.exists() && read(&path)?.settings != settings {
@@ -74,7 +73,8 @@ pub(super) fn join(
     shard: Shard,
     evaluated: &mut Evaluated,
 ) -> anyhow::Result<bool> {
-    let settings = settings(arguments, (&evaluated.detections, &evaluated.configurations));
+    let Evaluated { detections, identity, configurations, .. } = &*evaluated;
+    let settings = settings(arguments, (detections, identity, configurations))?;
     let part = Part {
         settings: settings.clone(),
         skipped: evaluated.skipped,
@@ -120,8 +120,8 @@ fn read(path: &Path) -> anyhow::Result<Part> {
 /// What parts must agree on. The bias of masks, which is measured on the way, follows from the rest.
 fn settings(
     arguments: &Arguments,
-    (detections, configurations): (&str, &[Configuration]),
-) -> Value {
+    (detections, identity, configurations): Compared,
+) -> anyhow::Result<Value> {
     let row = |configuration: &Configuration| {
         let mut pose = configuration.pose;
         pose.dense.mask_bias = None;
@@ -133,5 +133,12 @@ fn settings(
         })
     };
     let rows: Vec<Value> = configurations.iter().map(row).collect();
-    json!({"settings": output::settings(arguments, detections), "rows": rows})
+    // Another file of the same name is another list.
+    let names = arguments.model_names.as_deref().map(files::read_text).transpose()?;
+    Ok(json!({
+        "settings": output::settings(arguments, detections),
+        "identity": identity,
+        "model_names": names,
+        "rows": rows,
+    }))
 }
