@@ -11,7 +11,7 @@ use burn::module::Module;
 use burn::optim::momentum::MomentumConfig;
 use burn::optim::{GradientsParams, SgdConfig};
 use burn::tensor::{Device, TensorData};
-use partpose_net::{MaskRcnn, NetConfig, Target, onnx};
+use partpose_net::{MaskRcnn, NetConfig, PreparedNet, Target, onnx};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -99,7 +99,7 @@ fn main() {
             net = train(net, &images, &targets, steps);
         }
         if wanted("inference") {
-            let net = net.valid().fold();
+            let net = PreparedNet::new(&net);
             let image = images.without_autodiff().narrow(0, 0, 1);
             for _ in 0..steps {
                 let (begin, used) = (Instant::now(), processor_time());

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use burn::Tensor;
-use burn::module::Module;
 use burn::tensor::{Device, TensorData};
 use partpose::detection::{DetectedSize, Detection, ModelProbabilities};
 use partpose::files::RgbImage;
@@ -12,12 +11,12 @@ use partpose::parts::{PartProbabilities, ProbabilityError};
 
 use crate::config::InputConfig;
 use crate::input::{self, Input};
-use crate::mask_rcnn::{MaskRcnn, RawDetection};
+use crate::mask_rcnn::{MaskRcnn, PreparedNet, RawDetection};
 
 /// A network ready to look at images.
 #[derive(Clone, Debug)]
 pub struct Detector {
-    net: MaskRcnn,
+    net: PreparedNet,
     device: Device,
     /// Names of the zoo models that it tells apart.
     models: Arc<[String]>,
@@ -26,10 +25,9 @@ pub struct Detector {
 impl Detector {
     /// Takes a network's weights for inference: without gradients, normalisation folded into the convolutions.
     pub fn new(net: &MaskRcnn) -> Self {
-        let net = net.valid().fold();
-        let device = net.rpn.conv.weight.val().device();
+        let net = PreparedNet::new(net);
         let models = net.config().models.clone().into();
-        Self { net, device, models }
+        Self { device: net.device(), net, models }
     }
 
     /// Vehicles in an image, best first, in pixels of the image; with model and size where the network has that head. The error is a bug of the network: a value that is no probability.

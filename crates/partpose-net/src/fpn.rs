@@ -6,7 +6,7 @@ use burn::Tensor;
 use burn::module::Module;
 
 use crate::config::HeadNorm;
-use crate::layers::{Conv, ConvSizes, Init, Norm, Pass, conv_norm, fold};
+use crate::layers::{Conv, ConvSizes, Finish, Init, Norm, Pass, conv_norm, fold};
 use crate::ops;
 
 /// A feature pyramid: levels of equal channels, each half as fine as the one before.
@@ -63,9 +63,9 @@ impl Fpn {
         levels
     }
 
-    pub(crate) fn fold(self) -> Self {
+    pub(crate) fn fold(self, finish: Finish) -> Self {
         let all = |blocks: Vec<(Conv, Option<Norm>)>| {
-            blocks.into_iter().map(|(conv, norm)| fold(conv, norm)).collect()
+            blocks.into_iter().map(|(conv, norm)| fold(conv, norm, finish)).collect()
         };
         Self {
             inner_blocks: all(self.inner_blocks),

@@ -4,7 +4,7 @@ use burn::Tensor;
 use burn::module::{Module, Param};
 
 use crate::config::{NetConfig, PartUpscale};
-use crate::layers::{Conv, ConvSizes, Init, Linear, Norm, Pass, conv_norm, fold};
+use crate::layers::{Conv, ConvSizes, Finish, Init, Linear, Norm, Pass, conv_norm, fold};
 use crate::ops::{self, ConvOptions};
 
 /// Channels of a mask: background and 29 parts.
@@ -146,9 +146,9 @@ impl PartHead {
         [channels, if parts.upscale == PartUpscale::First { parts.kernel } else { cells }]
     }
 
-    pub(crate) fn fold(self) -> Self {
-        let convs = self.convs.into_iter().map(|(conv, norm)| fold(conv, norm)).collect();
-        Self { convs, ..self }
+    pub(crate) fn fold(self, finish: Finish) -> Self {
+        let convs = self.convs.into_iter().map(|(conv, norm)| fold(conv, norm, finish));
+        Self { convs: convs.collect(), ..self }
     }
 }
 

@@ -37,7 +37,7 @@ pub struct Conv {
     pub(crate) stride: usize,
     pub(crate) padding: usize,
     pub(crate) dilation: usize,
-    /// The weights in a faster form, in networks for inference only.
+    /// The weights in a faster form, in a [`crate::mask_rcnn::PreparedNet`] only, whose weights cannot change.
     #[module(skip)]
     prepared: Option<Prepared>,
 }
@@ -184,7 +184,8 @@ impl Conv {
         ops::conv2d_prepared(input, weight, bias, residual, options)
     }
 
-    /// For inference only: its weights must not change any more.
+    /// With its weights in a faster form as well: they must not change any more, since that form would not change with
+    /// them. So nothing but [`crate::mask_rcnn::PreparedNet`], which lets nobody change them, may hold it.
     pub(crate) fn prepared(self) -> Self {
         let [out, channels, height, width] = self.weight.val().dims();
         let steps = ([height, width], self.stride, self.dilation);
@@ -244,11 +245,14 @@ pub(crate) fn conv_norm(
     }
 }
 
+/// What is done with a convolution whose normalisation has become part of it: nothing, or [`Conv::prepared`].
+pub(crate) type Finish = fn(Conv) -> Conv;
+
 /// The convolution that does what it and its normalisation do in inference; group normalisation stays.
-pub(crate) fn fold(conv: Conv, norm: Option<Norm>) -> (Conv, Option<Norm>) {
+pub(crate) fn fold(conv: Conv, norm: Option<Norm>, finish: Finish) -> (Conv, Option<Norm>) {
     let norm = match norm {
         Some(norm) if norm.kind != NormKind::Group => norm,
-        other => return (conv.prepared(), other),
+        other => return (finish(conv), other),
     };
     let device = conv.weight.val().device();
     let [out, channels, height, width] = conv.weight.val().dims();
@@ -266,7 +270,7 @@ pub(crate) fn fold(conv: Conv, norm: Option<Norm>) -> (Conv, Option<Norm>) {
     }
     let init = Init::new(&device, 0);
     let weight = init.values(weight, [out, channels, height, width]);
-    (Conv { weight, bias: Some(init.values(bias, [out])), ..conv }.prepared(), None)
+    (finish(Conv { weight, bias: Some(init.values(bias, [out])), ..conv }), None)
 }
 
 /// A tensor's values.

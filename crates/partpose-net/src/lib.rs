@@ -37,5 +37,5 @@ mod torchvision;
 
 pub use config::NetConfig;
 pub use detector::Detector;
-pub use mask_rcnn::{LikelyExtents, Losses, MaskRcnn, RawDetection};
+pub use mask_rcnn::{LikelyExtents, Losses, MaskRcnn, PreparedNet, RawDetection};
 pub use target::Target;

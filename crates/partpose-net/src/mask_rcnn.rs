@@ -13,7 +13,7 @@ use crate::boxes::{Corners, clipped, decode, suppress};
 use crate::config::{LossWeights, Neck, NetConfig, RegionKind};
 use crate::fpn::Fpn;
 use crate::heads::{BoxHead, CHANNELS, PartHead};
-use crate::layers::{Init, Pass, to_host};
+use crate::layers::{Conv, Finish, Init, Pass, to_host};
 use crate::loss::soft_max;
 use crate::ops;
 use crate::ops::roi_align::{Region, Sampling};
@@ -83,6 +83,35 @@ pub struct RawDetection {
     pub models: Option<Vec<f32>>,
     /// Width, height and length, where the network has that head.
     pub extents: Option<LikelyExtents>,
+}
+
+/// A network for inference alone.
+///
+/// Normalisation is folded into convolutions, and weights of 3 x 3 kernels are held once more in the form that they are
+/// multiplied in (four times their memory). Weights that changed would not change that form, so they cannot be reached.
+#[derive(Clone, Debug)]
+pub struct PreparedNet(MaskRcnn);
+
+impl PreparedNet {
+    /// Takes a network's weights as they are now, without gradients.
+    pub fn new(net: &MaskRcnn) -> Self {
+        Self(net.valid().fold_with(Conv::prepared))
+    }
+
+    /// What the network is made of.
+    pub fn config(&self) -> &NetConfig {
+        self.0.config()
+    }
+
+    /// Where it computes.
+    pub(crate) fn device(&self) -> Device {
+        self.0.rpn.conv.weight.val().device()
+    }
+
+    /// [`MaskRcnn::detect`].
+    pub fn detect(&self, image: Tensor<4>, size: [usize; 2]) -> Vec<RawDetection> {
+        self.0.detect(image, size)
+    }
 }
 
 impl NetConfig {
@@ -222,15 +251,18 @@ impl MaskRcnn {
         found
     }
 
-    /// A network for inference only: normalisation by kept statistics becomes part of the convolutions before it, and
-    /// weights of 3 x 3 kernels are kept in the form that they are multiplied in as well (four times their memory).
+    /// A network that finds the same: normalisation by kept statistics becomes part of the convolutions before it.
     #[must_use]
     pub fn fold(self) -> Self {
+        self.fold_with(|conv| conv)
+    }
+
+    fn fold_with(self, finish: Finish) -> Self {
         Self {
-            backbone: self.backbone.fold(),
-            fpn: self.fpn.map(Fpn::fold),
-            part_head: self.part_head.fold(),
-            rpn: self.rpn.prepared(),
+            backbone: self.backbone.fold(finish),
+            fpn: self.fpn.map(|fpn| fpn.fold(finish)),
+            part_head: self.part_head.fold(finish),
+            rpn: self.rpn.fold(finish),
             ..self
         }
     }

@@ -7,7 +7,7 @@ use burn::Tensor;
 use burn::module::Module;
 
 use crate::config::{Backbone, NormKind};
-use crate::layers::{Conv, ConvSizes, Init, Norm, Pass, conv_norm, fold};
+use crate::layers::{Conv, ConvSizes, Finish, Init, Norm, Pass, conv_norm, fold};
 use crate::ops;
 
 /// A residual network without its classifier. Parameters are named as in torchvision.
@@ -152,10 +152,10 @@ impl ResNet {
         stages.collect()
     }
 
-    pub(crate) fn fold(self) -> Self {
-        let (conv1, bn1) = fold(self.conv1, self.bn1);
+    pub(crate) fn fold(self, finish: Finish) -> Self {
+        let (conv1, bn1) = fold(self.conv1, self.bn1, finish);
         let [layer1, layer2, layer3, layer4] = [self.layer1, self.layer2, self.layer3, self.layer4]
-            .map(|layer| layer.into_iter().map(Block::fold).collect());
+            .map(|layer| layer.into_iter().map(|block| block.fold(finish)).collect());
         Self { conv1, bn1, layer1, layer2, layer3, layer4 }
     }
 }
@@ -184,17 +184,17 @@ impl Block {
         }
     }
 
-    fn fold(self) -> Self {
-        let (conv1, bn1) = fold(self.conv1, self.bn1);
-        let (conv2, bn2) = fold(self.conv2, self.bn2);
+    fn fold(self, finish: Finish) -> Self {
+        let (conv1, bn1) = fold(self.conv1, self.bn1, finish);
+        let (conv2, bn2) = fold(self.conv2, self.bn2, finish);
         let (conv3, bn3) = match self.conv3 {
             Some(conv3) => {
-                let (conv3, bn3) = fold(conv3, self.bn3);
+                let (conv3, bn3) = fold(conv3, self.bn3, finish);
                 (Some(conv3), bn3)
             }
             None => (None, None),
         };
-        let downsample = self.downsample.map(|(conv, norm)| fold(conv, norm));
+        let downsample = self.downsample.map(|(conv, norm)| fold(conv, norm, finish));
         Self { conv1, bn1, conv2, bn2, conv3, bn3, downsample }
     }
 }

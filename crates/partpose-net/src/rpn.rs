@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::anchors::LevelAnchors;
 use crate::boxes::{Corners, clipped, decode, encode, suppress};
 use crate::config::{ProposalCounts, RpnConfig};
-use crate::layers::{Conv, ConvSizes, Init, to_host};
+use crate::layers::{Conv, ConvSizes, Finish, Init, to_host};
 use crate::loss::{binary_cross_entropy, smooth_l1};
 use crate::ops::attach;
 use crate::sampling::{Match, MatchOptions, match_boxes, sample};
@@ -52,9 +52,8 @@ impl RpnHead {
         }
     }
 
-    /// For inference only.
-    pub(crate) fn prepared(self) -> Self {
-        Self { conv: self.conv.prepared(), ..self }
+    pub(crate) fn fold(self, finish: Finish) -> Self {
+        Self { conv: finish(self.conv), ..self }
     }
 
     pub(crate) fn forward(&self, maps: &[Tensor<4>]) -> Vec<LevelOutput> {

@@ -136,7 +136,9 @@ fn residual_networks_agree() {
             }
         }
         let image = tensor([1, 3, 64, 96], 1000, &device);
-        for (net, how) in [(net.clone(), "as trained"), (net.fold(), "folded")] {
+        let folded = net.clone().fold(|conv| conv);
+        let prepared = net.clone().fold(Conv::prepared);
+        for (net, how) in [(net, "as trained"), (folded, "folded"), (prepared, "prepared")] {
             let stages = net.forward(image.clone(), 4, Pass::Inference);
             for (i, (stage, expected)) in stages.into_iter().zip(&expected).enumerate() {
                 let what = format!("{kind:?} {how}, stage {i}");

@@ -10,7 +10,7 @@ use burn::tensor::Device;
 use partpose_net::config::{
     Backbone, HeadNorm, Neck, NetConfig, NormKind, PartUpscale, RegionConfig, RegionKind,
 };
-use partpose_net::{Losses, MaskRcnn, Target, boxes};
+use partpose_net::{Losses, MaskRcnn, PreparedNet, Target, boxes, weights};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -37,10 +37,11 @@ fn check(config: &NetConfig) {
     let plain = net.valid();
     let image = images.without_autodiff();
     let found = plain.detect(image.clone(), scenes::SIZE);
+    let prepared = PreparedNet::new(&net).detect(image.clone(), scenes::SIZE);
     let folded = plain.fold().detect(image, scenes::SIZE);
-    assert_eq!(found.len(), folded.len());
+    assert_eq!([found.len(); 2], [folded.len(), prepared.len()]);
     let cells = config.parts.kernel * config.parts.kernel;
-    for (a, b) in found.iter().zip(&folded) {
+    for (a, b) in found.iter().zip(&folded).chain(found.iter().zip(&prepared)) {
         assert!((a.score - b.score).abs() < 1e-3, "{} {}", a.score, b.score);
         assert_eq!(a.probabilities.len(), 30 * cells);
         let sum: f32 = (0..30).map(|k| a.probabilities[k * cells]).sum();
@@ -149,6 +150,18 @@ fn the_same_seed_gives_the_same_losses_on_any_number_of_threads() {
 }
 
 #[test]
+fn weights_that_are_put_into_a_folded_network_are_used() {
+    let device = Device::flex();
+    let config = small();
+    let [one, other] = [1, 2].map(|seed| config.init(&device, seed).fold());
+    let (images, _) = scenes::batch(1, &device);
+    let expected = other.detect(images.clone(), scenes::SIZE);
+    let values = weights::read_out(&other);
+    let one = weights::put_in(one, |i| Some(&values[i].values));
+    assert_eq!(one.detect(images, scenes::SIZE), expected);
+}
+
+#[test]
 fn two_images_are_learnt_by_heart() {
     let device = Device::flex().autodiff();
     let mut config = small();
@@ -162,7 +175,7 @@ fn two_images_are_learnt_by_heart() {
         let gradients = GradientsParams::from_grads(total.backward(), &net);
         net = optimizer.step(if step < 60 { 0.01 } else { 0.002 }, net, gradients);
     }
-    let net = net.valid().fold();
+    let net = PreparedNet::new(&net);
     for (n, target) in targets.iter().enumerate() {
         let image = images.clone().without_autodiff().narrow(0, n, 1);
         let found = net.detect(image, scenes::SIZE);
