@@ -3,7 +3,7 @@
 //! Random numbers need no state of their own: each step's generator is seeded by the training's seed and the step. So a
 //! training that goes on from a checkpoint comes to the same weights as one that was never cut off.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use partpose::files::{self, FileError};
@@ -52,12 +52,12 @@ pub fn save(folder: &Path, checkpoint: &Checkpoint, keep: usize) -> Result<PathB
         }
     }
     let config = serde_json::to_string(&checkpoint.config).expect("a configuration is plain data");
-    let metadata = HashMap::from([
+    let metadata = BTreeMap::from([
         (STEP_KEY.to_owned(), checkpoint.step.to_string()),
         (CONFIG_KEY.to_owned(), config),
     ]);
     let path = folder.join(format!("{BEGINNING}{:08}{ENDING}", checkpoint.step));
-    files::write(&path, &weights::encode_with(&tensors, metadata, Precision::Single))?;
+    files::write(&path, &weights::encode_with(&tensors, &metadata, Precision::Single))?;
     let all = list(folder)?;
     for old in &all[..all.len().saturating_sub(keep)] {
         std::fs::remove_file(old).map_err(|source| FileError::write(old, source))?;

@@ -210,6 +210,7 @@ mod tests {
     use crate::weights::tests::tiny;
     use crate::weights::{Precision, encode_with};
     use burn::tensor::Device;
+    use std::collections::BTreeMap;
 
     #[test]
     fn torchvisions_names_are_known() {
@@ -246,7 +247,7 @@ mod tests {
         ];
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("resnet.safetensors");
-        files::write(&path, &encode_with(&tensors, HashMap::new(), Precision::Single)).unwrap();
+        files::write(&path, &encode_with(&tensors, &BTreeMap::new(), Precision::Single)).unwrap();
         let imported = import(&path, &net).unwrap();
         assert_eq!(imported.taken, ["backbone.conv1.weight"]);
         let lines: Vec<String> = imported.refused.iter().map(ToString::to_string).collect();

@@ -3,13 +3,14 @@
 //! Names are paths in the network (`backbone.layer1.0.conv1.weight`), which in the backbone are torchvision's. A file holds
 //! the configuration in its metadata, so that whoever loads it needs nothing else. Single and half precision load alike.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use burn::Tensor;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Device, TensorData};
 use partpose::files::{self, FileError};
+use partpose::formats::safetensors_bytes;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 
@@ -173,12 +174,12 @@ pub fn put_in<'a>(net: MaskRcnn, values: impl Fn(usize) -> Option<&'a [f32]>) ->
 /// The bytes of a safetensors file with a network's configuration.
 pub fn encode(tensors: &[Values], config: &NetConfig, precision: Precision) -> Vec<u8> {
     let text = serde_json::to_string(config).expect("a configuration is plain data");
-    encode_with(tensors, HashMap::from([(CONFIG_KEY.to_owned(), text)]), precision)
+    encode_with(tensors, &BTreeMap::from([(CONFIG_KEY.to_owned(), text)]), precision)
 }
 
 pub(crate) fn encode_with(
     tensors: &[Values],
-    metadata: HashMap<String, String>,
+    metadata: &BTreeMap<String, String>,
     precision: Precision,
 ) -> Vec<u8> {
     let bytes: Vec<Vec<u8>> = tensors
@@ -198,7 +199,7 @@ pub(crate) fn encode_with(
         let view = TensorView::new(dtype, tensor.shape.clone(), bytes);
         (tensor.name.as_str(), view.expect("as many values as the shape says"))
     });
-    safetensors::serialize(views, Some(metadata)).expect("names are unique")
+    safetensors_bytes(views, metadata).expect("names are unique")
 }
 
 /// Saves a network for use: parameters, running statistics, configuration.

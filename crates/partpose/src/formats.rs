@@ -10,6 +10,7 @@ pub mod nuscenes;
 mod openlabel;
 mod read_results;
 mod results;
+mod tensor_file;
 mod tracks;
 mod upright;
 
@@ -22,4 +23,5 @@ pub use read_results::{
     PosedImage, PosedTrack, PosedVehicle, ResultFileError, parse_result, read_result, result_json,
 };
 pub use results::{ImageResult, ResultSettings, VehicleResult, image_result};
+pub use tensor_file::safetensors_bytes;
 pub use tracks::{kitti_tracking_text, observations, with_tracks};

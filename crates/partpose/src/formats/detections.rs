@@ -7,7 +7,7 @@
 
 mod heads;
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use safetensors::tensor::TensorView;
@@ -17,6 +17,8 @@ use crate::detection::Detection;
 use crate::files::{self, FileError};
 use crate::geometry::Rect;
 use crate::parts::{CHANNELS, PartProbabilities, ProbabilityError};
+
+use super::tensor_file::safetensors_bytes;
 
 /// Largest kernel that is believed.
 const MAX_KERNEL: usize = 512;
@@ -211,9 +213,9 @@ pub fn write_detections(path: &Path, file: &DetectionFile) -> Result<(), Detecti
         }
     }
     let list = |names: &[String]| serde_json::to_string(names).expect("a list of texts is JSON");
-    let mut metadata = HashMap::from([("images".to_owned(), list(&file.images))]);
+    let mut metadata = BTreeMap::from([("images".to_owned(), list(&file.images))]);
     metadata.extend(names_of_models.map(|names| ("models".to_owned(), list(&names))));
-    let bytes = safetensors::serialize(tensors, Some(metadata))
+    let bytes = safetensors_bytes(tensors, &metadata)
         .map_err(|source| DetectionFileError::Container { path: path.to_owned(), source })?;
     Ok(files::write(path, &bytes)?)
 }

@@ -25,8 +25,7 @@ pub(super) fn settle(
     let identity = format!("{:016x}", hash(record.to_string().as_bytes()));
     if arguments.resume && path.exists() {
         let earlier: Value = serde_json::from_slice(&files::read(&path)?).unwrap_or(Value::Null);
-        if let Some((key, was)) = difference(&earlier, &record) {
-            let is = &record[&key];
+        if let Some((key, was, is)) = difference(&earlier, &record) {
             return Err(hint(
                 anyhow::anyhow!(
                     "`{}` was written with other settings: `{key}` was {was}, now it is {is}",
@@ -56,9 +55,16 @@ fn record(arguments: &Arguments, weights: &str, fitter: &Fitter) -> anyhow::Resu
     }))
 }
 
-/// The first setting that differs, with its earlier value.
-fn difference(earlier: &Value, now: &Value) -> Option<(String, Value)> {
-    let now = now.as_object()?;
-    let differs = now.iter().find(|(key, value)| earlier.get(key) != Some(*value));
-    differs.map(|(key, _)| (key.clone(), earlier.get(key).cloned().unwrap_or(Value::Null)))
+/// The first setting that differs, by the keys that lead to it, with its earlier and its present value.
+fn difference(earlier: &Value, now: &Value) -> Option<(String, Value, Value)> {
+    let within = now.as_object().filter(|_| earlier.is_object());
+    let Some(within) = within else {
+        return (earlier != now).then(|| (String::new(), earlier.clone(), now.clone()));
+    };
+    within.iter().find_map(|(key, is)| {
+        let was = earlier.get(key).unwrap_or(&Value::Null);
+        let (below, was, is) = difference(was, is)?;
+        let path = if below.is_empty() { key.clone() } else { format!("{key}.{below}") };
+        Some((path, was, is))
+    })
 }

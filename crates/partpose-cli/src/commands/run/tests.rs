@@ -82,7 +82,10 @@ fn resumed_run_does_what_is_left_and_nothing_else() {
     let (outcome, calls) = run_in(folder.path(), &["--resume", "--min-score", "0.05"]);
     let said = outcome.unwrap_err().to_string();
     assert!(said.contains("`min_score` was 0.5, now it is 0.05") && calls == 0, "{said}");
-    let others = [(&["--extent", "model"][..], "`fit`"), (&["--alone"], "`scene`")];
+    let others = [
+        (&["--extent", "model"][..], "`fit.extent` was \"of the detections"),
+        (&["--alone"], "`scene."),
+    ];
     for (other, told) in others {
         let (outcome, calls) = run_in(folder.path(), &[&["--resume"], other].concat());
         let said = outcome.unwrap_err().to_string();
